@@ -1,0 +1,1 @@
+"""The tdcr command, one file a subcommand."""

@@ -1,0 +1,1 @@
+"""The robot's body against triangle meshes: contact, containment and clearance."""

@@ -1,0 +1,1 @@
+"""Making a learned shape model: dataset, network, losses, training, export, evaluation."""

@@ -1,0 +1,1 @@
+"""Scenarios, configuration space, validity and the OMPL search."""

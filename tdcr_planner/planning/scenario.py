@@ -1,0 +1,329 @@
+"""The scenario: which robot, model, meshes, start, goal and planner a query is made of, read from TOML."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from tdcr_planner.arrays import FloatArray
+from tdcr_planner.errors import FormatError
+from tdcr_planner.files import FileModel, NotNegative, Positive, Vector3, parse_table, read_toml, sha256_of_file
+from tdcr_planner.robot import RobotSpec, load_robot
+from tdcr_planner.se3 import rotation_from_quaternion
+
+Bending = tuple[tuple[float, float], ...]
+Validity = Literal["learned", "reference", "constant_curvature"]
+METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+
+
+def _check_direction(direction: Vector3 | None) -> Vector3 | None:
+    if direction is not None and np.linalg.norm(direction) < 1e-9:
+        raise ValueError(f"expected a direction of length above 0, got {list(direction)}")
+    return direction
+
+
+class Entry(FileModel):
+    """The plane through which the body enters a cavity: point_m and normal (pointing in), world frame."""
+
+    point_m: Vector3
+    normal: Vector3
+
+    _check_normal = field_validator("normal")(_check_direction)
+
+
+class MeshEntry(FileModel):
+    """A mesh of the scene.
+
+    Attributes:
+        file: Path of the mesh, relative to the scenario file.
+        unit: The mesh file's unit of length.
+        role: "cavity": the body stays inside; "obstacle": it stays outside of a closed mesh and off an open one.
+        entry: For a cavity, the plane behind which the body may be outside; None for the base plane at insertion 0.
+    """
+
+    file: Annotated[str, Field(min_length=1)]
+    unit: Literal["m", "cm", "mm", "in"]
+    role: Literal["cavity", "obstacle"]
+    entry: Entry | None = None
+
+    @model_validator(mode="after")
+    def _check_entry(self) -> MeshEntry:
+        if self.entry is not None and self.role != "cavity":
+            raise ValueError("entry belongs to a mesh of role 'cavity', this one is an 'obstacle'")
+        return self
+
+
+class Base(FileModel):
+    """Where the robot's base stands and how it may move.
+
+    Attributes:
+        position_m: Origin of the base frame at insertion 0, world frame.
+        quaternion_wxyz: world_from_base rotation at roll 0.
+        insertion_m: Range of travel along the base z axis, or None for a fixed base.
+        roll_deg: Range of rotation about the base z axis, or None for none.
+        shaft_radius_m: Radius of the straight shaft that follows the base as it is inserted; None to leave it out of
+            the collision test.
+    """
+
+    position_m: Vector3 = (0.0, 0.0, 0.0)
+    quaternion_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    insertion_m: tuple[float, float] | None = None
+    roll_deg: tuple[float, float] | None = None
+    shaft_radius_m: Positive | None = None
+
+    @field_validator("quaternion_wxyz")
+    @classmethod
+    def _check_quaternion(cls, value: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+        if np.linalg.norm(value) < 1e-9:
+            raise ValueError(f"expected a quaternion of length above 0, got {list(value)}")
+        return value
+
+    @field_validator("insertion_m", "roll_deg")
+    @classmethod
+    def _check_range(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is not None and value[0] >= value[1]:
+            raise ValueError(f"expected a range [low, high] with low below high, got {list(value)}")
+        return value
+
+
+class Start(FileModel):
+    """The configuration in which the robot starts: bending_n a row a segment, insertion_m, roll_deg."""
+
+    bending_n: Bending
+    insertion_m: float = 0.0
+    roll_deg: float = 0.0
+
+
+class Goal(FileModel):
+    """What is to be reached: a configuration, or a tip position with or without a viewing direction.
+
+    Attributes:
+        bending_n: Bending vector of each segment, N; with insertion_m and roll_deg a goal configuration.
+        insertion_m: Insertion of a goal configuration.
+        roll_deg: Roll of a goal configuration.
+        tip_position_m: Goal of the last disk's centre, world frame.
+        tip_tolerance_m: Largest distance from it.
+        view_direction: Direction of the tip's z axis, world frame; None for any.
+        view_tolerance_deg: Largest angle from it.
+    """
+
+    bending_n: Bending | None = None
+    insertion_m: float = 0.0
+    roll_deg: float = 0.0
+    tip_position_m: Vector3 | None = None
+    tip_tolerance_m: Positive = 0.002
+    view_direction: Vector3 | None = None
+    view_tolerance_deg: Annotated[float, Field(gt=0.0, le=180.0)] = 10.0
+
+    _check_view = field_validator("view_direction")(_check_direction)
+
+    @model_validator(mode="after")
+    def _check_kind(self) -> Goal:
+        if (self.bending_n is None) == (self.tip_position_m is None):
+            raise ValueError("expected exactly one of bending_n and tip_position_m")
+        given = self.model_fields_set
+        foreign = (
+            {"tip_tolerance_m", "view_direction", "view_tolerance_deg"}
+            if self.bending_n is not None
+            else {"insertion_m", "roll_deg"}
+        )
+        if given & foreign:
+            kind = "a configuration (bending_n)" if self.bending_n is not None else "a tip position (tip_position_m)"
+            raise ValueError(f"{', '.join(sorted(given & foreign))} does not belong to a goal that is {kind}")
+        if "view_tolerance_deg" in given and self.view_direction is None:
+            raise ValueError("view_tolerance_deg needs a view_direction")
+        return self
+
+
+class Objective(FileModel):
+    """Weights of what an optimising planner minimises.
+
+    Attributes:
+        length: Weight of the path length in the workspace, 1/m.
+        clearance: Weight of being near a surface.
+        effort: Weight of the tendon tensions, 1/N.
+    """
+
+    length: NotNegative = 1.0
+    clearance: NotNegative = 0.0
+    effort: NotNegative = 0.0
+
+
+class PlannerSettings(FileModel):
+    """How to search.
+
+    Attributes:
+        name: Planner by its OMPL name.
+        time_limit_s: Time for search, verification and repair together.
+        seed: Seed of the search, above 0.
+        step_m: No point of the body moves farther between two checked states.
+        clearance_m: Distance kept from every surface on top of the model's error bound.
+        validity: The shape model that the search asks.
+        parameters: The planner's own OMPL parameters by name.
+        objective: What an optimising planner minimises.
+    """
+
+    name: str = "RRTConnect"
+    time_limit_s: Positive = 10.0
+    seed: Annotated[int, Field(ge=1, le=2**31 - 1)] = 1
+    step_m: Annotated[float, Field(ge=1e-5, le=0.1)] = 0.002
+    clearance_m: NotNegative = 0.0005
+    validity: Validity = "learned"
+    parameters: dict[str, str | float | int | bool] = {}
+    objective: Objective = Objective()
+
+
+class Limits(FileModel):
+    """Rates that bound the time along a path.
+
+    Attributes:
+        tension_rate_n_s: Largest rate of each tendon tension.
+        insertion_speed_m_s: Largest insertion speed.
+        roll_speed_deg_s: Largest roll speed.
+    """
+
+    tension_rate_n_s: Positive = 1.0
+    insertion_speed_m_s: Positive = 0.02
+    roll_speed_deg_s: Positive = 45.0
+
+
+class ScenarioFile(FileModel):
+    """The content of a scenario file, as FORMATS has it."""
+
+    format: Literal["tdcr-scenario/1"]
+    robot: str
+    shape_model: str | None = None
+    gravity_m_s2: Vector3 = (0.0, 0.0, 0.0)
+    tip_force_n: Vector3 = (0.0, 0.0, 0.0)
+    meshes: Annotated[tuple[MeshEntry, ...], Field(min_length=1)]
+    base: Base = Base()
+    start: Start
+    goal: Goal | None = None
+    goals: tuple[Goal, ...] | None = None
+    goal_order: Literal["given", "best"] = "given"
+    planner: PlannerSettings = PlannerSettings()
+    limits: Limits = Limits()
+    expected_status: Literal["verified", "unverified", "no_path", "invalid_start", "invalid_goal"] = "verified"
+    title: str = ""
+
+    @model_validator(mode="after")
+    def _check_goals(self) -> ScenarioFile:
+        if (self.goal is None) == (self.goals is None):
+            raise ValueError("expected either one [goal] or a list of [[goals]]")
+        if self.goals is not None and not self.goals:
+            raise ValueError("goals: expected one or more, got none")
+        if self.planner.validity == "learned" and self.shape_model is None:
+            raise ValueError("shape_model: missing, and planner.validity = 'learned' needs it")
+        return self
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scenario whose robot is loaded and whose paths are absolute.
+
+    Attributes:
+        path: The scenario file, absolute.
+        sha256: Hash of its bytes.
+        file: Its content.
+        robot: The robot that it names.
+    """
+
+    path: Path
+    sha256: str
+    file: ScenarioFile
+    robot: RobotSpec
+
+    @property
+    def planner(self) -> PlannerSettings:
+        """How to search."""
+        return self.file.planner
+
+    @property
+    def goals(self) -> tuple[Goal, ...]:
+        """The goals in the file's order, one or more."""
+        if self.file.goals is not None:
+            return self.file.goals
+        assert self.file.goal is not None  # the schema has exactly one of the two
+        return (self.file.goal,)
+
+    @property
+    def gravity(self) -> FloatArray:
+        """Gravity, shape (3,), m/s^2, world frame."""
+        return np.asarray(self.file.gravity_m_s2, dtype=np.float64)
+
+    @property
+    def tip_force(self) -> FloatArray:
+        """Force at the tip, shape (3,), N, world frame."""
+        return np.asarray(self.file.tip_force_n, dtype=np.float64)
+
+    @property
+    def base_position(self) -> FloatArray:
+        """Origin of the base frame at insertion 0, shape (3,), m, world frame."""
+        return np.asarray(self.file.base.position_m, dtype=np.float64)
+
+    @property
+    def base_rotation(self) -> FloatArray:
+        """world_from_base at roll 0, shape (3, 3)."""
+        return rotation_from_quaternion(self.file.base.quaternion_wxyz)
+
+    @property
+    def shape_model_path(self) -> Path | None:
+        """The shape model's file, absolute; None when the scenario names none."""
+        return None if self.file.shape_model is None else self.resolve(self.file.shape_model)
+
+    def resolve(self, relative: str) -> Path:
+        """Returns the absolute path of a file that the scenario names."""
+        return (self.path.parent / relative).resolve()
+
+    def with_planner(self, **changes: Any) -> Scenario:
+        """Returns the scenario with some planner settings replaced, for example seed=3 or validity="reference"."""
+        settings = PlannerSettings.model_validate({**self.planner.model_dump(), **changes})
+        return Scenario(self.path, self.sha256, self.file.model_copy(update={"planner": settings}), self.robot)
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """Returns the scenario that a TOML file describes, with its robot.
+
+    Raises:
+        FormatError: The file, the robot or a named file is missing or not what it should be.
+    """
+    file = Path(path).resolve()
+    content = parse_table(ScenarioFile, read_toml(file), path)
+    robot = load_robot((file.parent / content.robot).resolve())
+    scenario = Scenario(file, sha256_of_file(file), content, robot)
+    _check_against_robot(scenario)
+    for index, mesh in enumerate(content.meshes):
+        if not scenario.resolve(mesh.file).is_file():
+            raise FormatError(path, f"no such file: {scenario.resolve(mesh.file)}", f"meshes[{index + 1}].file")
+    model = scenario.shape_model_path
+    if model is not None and not model.is_file():
+        raise FormatError(path, f"no such file: {model}; `tdcr train` makes one", "shape_model")
+    return scenario
+
+
+def _check_against_robot(scenario: Scenario) -> None:
+    count = scenario.robot.segment_count
+    base = scenario.file.base
+    configurations: list[tuple[str, Bending, float, float]] = [
+        ("start", scenario.file.start.bending_n, scenario.file.start.insertion_m, scenario.file.start.roll_deg)
+    ]
+    for index, goal in enumerate(scenario.goals):
+        place = "goal" if scenario.file.goals is None else f"goals[{index + 1}]"
+        if goal.bending_n is not None:
+            configurations.append((place, goal.bending_n, goal.insertion_m, goal.roll_deg))
+    for place, bending, insertion, roll in configurations:
+        if len(bending) != count:
+            raise FormatError(
+                scenario.path,
+                f"expected {count} rows, one for each segment of robot {scenario.robot.name!r}, got {len(bending)}",
+                f"{place}.bending_n",
+            )
+        for key, value, allowed in (("insertion_m", insertion, base.insertion_m), ("roll_deg", roll, base.roll_deg)):
+            low, high = allowed if allowed is not None else (0.0, 0.0)
+            if not low <= value <= high:
+                reason = f"the range of [base] {key} is [{low}, {high}]" if allowed else f"[base] has no {key} range"
+                raise FormatError(scenario.path, f"got {value}, but {reason}", f"{place}.{key}")

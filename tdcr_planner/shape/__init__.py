@@ -1,0 +1,1 @@
+"""Shape models: one protocol for the reference, the learned model and constant curvature."""
