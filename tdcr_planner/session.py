@@ -8,7 +8,7 @@ from typing import Any
 
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import Scenario
-from tdcr_planner.verify import VerificationReport
+from tdcr_planner.verification import VerificationReport
 
 
 class PlanStatus(StrEnum):

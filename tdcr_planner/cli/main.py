@@ -1,0 +1,56 @@
+"""The entry point of the tdcr command: subcommands in, exit code out, no traceback for a user's mistake."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable, Sequence
+
+import tyro
+
+from tdcr_planner.cli.evaluate import evaluate
+from tdcr_planner.cli.info import info
+from tdcr_planner.cli.plan import plan
+from tdcr_planner.cli.solve import solve
+from tdcr_planner.cli.train import train
+from tdcr_planner.cli.verify import verify
+from tdcr_planner.cli.view import view
+from tdcr_planner.errors import TdcrError
+
+DESCRIPTION = """Plan, verify and look at tendon trajectories of continuum robots in triangle meshes.
+
+Exit codes: 0 done (for plan: a verified path), 1 tried and not reached, 2 bad input.
+"""
+COMMANDS: dict[str, Callable[..., int]] = {
+    "plan": plan,
+    "verify": verify,
+    "view": view,
+    "solve": solve,
+    "train": train,
+    "evaluate": evaluate,
+    "info": info,
+}
+EXIT_NOT_REACHED = 1
+EXIT_BAD_INPUT = 2
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Runs one subcommand and returns its exit code.
+
+    Args:
+        arguments: The command line without the program's name; None for the process's own.
+    """
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", force=True)
+    try:
+        return tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="tdcr", description=DESCRIPTION, args=arguments)
+    except TdcrError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except KeyboardInterrupt:
+        print("interrupted: nothing was written by this run; earlier files are as they were", file=sys.stderr)
+        return EXIT_NOT_REACHED
+
+
+def main() -> None:
+    """Runs the tdcr command of this process."""
+    sys.exit(run())

@@ -1,0 +1,86 @@
+"""tdcr solve: one shape from the Cosserat reference."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from tdcr_planner.cli.vectors import parse_vector
+from tdcr_planner.errors import InputError
+
+
+def solve(
+    robot: tyro.conf.Positional[Path],
+    *,
+    bending_n: str,
+    gravity: str = "0,0,0",
+    tip_force: str = "0,0,0",
+    out: Path | None = None,
+) -> int:
+    """Solve one shape with the Cosserat reference and print or write its disk poses.
+
+    Example: tdcr solve models/robots/inspection.toml --bending-n 1.5,0 --gravity 0,0,-9.81
+
+    Args:
+        robot: Robot file.
+        bending_n: Bending vector in N, X,Y for each segment, base to tip, separated by commas.
+        gravity: Gravity x,y,z in m/s^2, base frame.
+        tip_force: Force x,y,z in N on the last disk, base frame.
+        out: File to write, .json or .npz; printed as JSON without it.
+    """
+    import numpy as np
+
+    from tdcr_planner.files import write_file_whole
+    from tdcr_planner.robot import load_robot
+    from tdcr_planner.statics.solver import solve_statics
+
+    if out is not None and out.suffix not in {".json", ".npz"}:
+        raise InputError("--out", "a file ending in .json or .npz", str(out))
+    spec = load_robot(robot)
+    bending = parse_vector("--bending-n", bending_n, 2 * spec.segment_count).reshape(1, -1, 2)
+    tensions = spec.tensions_from_bending(bending)
+    if (tensions > spec.max_tensions).any():
+        tendon = int(np.argmax(tensions[0] - spec.max_tensions))
+        raise InputError(
+            "--bending-n",
+            f"a bending vector whose tensions stay at or below {spec.max_tensions[tendon]:g} N",
+            f"{bending_n!r}, which asks tendon {tendon} for {tensions[0, tendon]:.4g} N",
+        )
+    solution = solve_statics(
+        spec,
+        tensions,
+        gravity=parse_vector("--gravity", gravity, 3),
+        tip_force=parse_vector("--tip-force", tip_force, 3),
+    )
+    arrays: dict[str, Any] = {
+        "tensions_n": tensions[0],
+        "arc_lengths_m": solution.arc_lengths,
+        "positions_m": solution.positions[0],
+        "rotations": solution.rotations[0],
+        "residual_nm": solution.residual[0],
+        "converged": solution.converged[0],
+        "stable": solution.stable[0],
+        "status": str(solution.status[0]),
+    }
+    content = {key: value if isinstance(value, str) else np.asarray(value).tolist() for key, value in arrays.items()}
+    content = {"format": "tdcr-shape/1", "robot": spec.name, **content}
+    if not solution.converged[0]:
+        # JSON has no NaN: a case without a shape says so by leaving its poses out.
+        content.update(positions_m=None, rotations=None)
+    if out is None:
+        print(json.dumps(content, indent=1))
+    else:
+        with write_file_whole(out) as temporary:
+            if out.suffix == ".json":
+                temporary.write_text(json.dumps(content), encoding="utf-8")
+            else:
+                np.savez(temporary, **arrays)
+        print(f"{out}: {content['status']}, tip at {_format_tip(solution.positions[0, -1])}")
+    return 0 if bool(solution.converged[0]) else 1
+
+
+def _format_tip(position: Any) -> str:
+    return "({:.2f}, {:.2f}, {:.2f}) mm".format(*(1e3 * position))
