@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -168,6 +169,13 @@ class RobotSpec(FileModel):
     segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
     tip: Tip = Tip()
     body: Body = Body()
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> RobotSpec:  # noqa: ARG002
+        """Returns a copy with some fields replaced, checked anew.
+
+        The arrays derived from the fields are computed again, which pydantic's own copy would not do.
+        """
+        return RobotSpec.model_validate({**self.model_dump(), **(update or {})})
 
     @property
     def segment_count(self) -> int:

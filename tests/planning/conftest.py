@@ -1,0 +1,66 @@
+"""Scenario files made on the spot, so that each test states only what it is about."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+
+from tdcr_planner.planning.scenario import Scenario, load_scenario
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def to_toml(table: dict[str, Any]) -> str:
+    """Returns a table as TOML, nested tables as inline ones."""
+    return "".join(f"{key} = {_value(value)}\n" for key, value in table.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {_value(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(item) for item in value) + "]"
+    return json.dumps(value)
+
+
+def base_table(robot: str = "paper") -> dict[str, Any]:
+    """Returns a small valid scenario: a box beside the robot, constant curvature as validity."""
+    rows = 2 if robot == "two_segment" else 1
+    return {
+        "format": "tdcr-scenario/1",
+        "robot": str(ROOT / f"models/robots/{robot}.toml"),
+        "meshes": [{"file": "box.stl", "unit": "mm", "role": "obstacle"}],
+        "start": {"bending_n": [[0.0, 0.0]] * rows},
+        "goal": {"bending_n": [[1.0, 0.0]] * rows},
+        "planner": {"validity": "constant_curvature"},
+    }
+
+
+@pytest.fixture
+def write_scenario(tmp_path: Path) -> Callable[[dict[str, Any]], Path]:
+    """Returns a function that writes a scenario table beside a 100 mm box 300 mm off the robot and gives its path."""
+
+    def write(table: dict[str, Any]) -> Path:
+        box = trimesh.creation.box((100.0, 100.0, 100.0))
+        box.apply_translation((300.0, 0.0, 0.0))
+        box.export(tmp_path / "box.stl")
+        path = tmp_path / "scenario.toml"
+        path.write_text(to_toml(table))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def make_scenario(write_scenario: Callable[[dict[str, Any]], Path]) -> Callable[..., Scenario]:
+    """Returns a function that gives a loaded scenario: the base table of a robot with some keys replaced."""
+
+    def make(robot: str = "paper", **changes: Any) -> Scenario:
+        return load_scenario(write_scenario({**base_table(robot), **changes}))
+
+    return make

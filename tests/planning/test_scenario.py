@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tdcr_planner.errors import FormatError
+from tdcr_planner.planning.scenario import Scenario, load_scenario
+
+Make = Callable[..., Scenario]
+
+
+def test_a_scenario_resolves_its_files_and_robot(make_scenario: Make, tmp_path: Path) -> None:
+    scenario = make_scenario()
+    assert scenario.resolve("box.stl") == tmp_path / "box.stl"
+    assert scenario.robot.name == "paper"
+    assert scenario.shape_model_path is None
+    assert len(scenario.sha256) == 64
+
+
+def test_planner_settings_can_be_replaced_and_stay_checked(make_scenario: Make) -> None:
+    scenario = make_scenario()
+    assert scenario.with_planner(seed=7).planner.seed == 7
+    assert scenario.planner.seed == 1
+    with pytest.raises(ValueError, match="seed"):
+        scenario.with_planner(seed=-1)
+
+
+def test_base_frame(make_scenario: Make) -> None:
+    half = float(np.sqrt(0.5))
+    scenario = make_scenario(base={"position_m": [1.0, 2.0, 3.0], "quaternion_wxyz": [half, 0.0, half, 0.0]})
+    np.testing.assert_allclose(scenario.base_rotation @ [0, 0, 1], [1, 0, 0], atol=1e-15)
+    np.testing.assert_array_equal(scenario.base_position, [1, 2, 3])
+
+
+mesh = {"file": "box.stl", "unit": "mm", "role": "obstacle"}
+FAULTS: list[tuple[dict[str, Any], str]] = [
+    ({"meshes": [{"file": "box.stl", "role": "obstacle"}]}, "meshes[1].unit: missing, and it is required"),
+    ({"meshes": [mesh | {"role": "wall"}]}, "meshes[1].role: input should be 'cavity' or 'obstacle', got 'wall'"),
+    ({"meshes": [mesh | {"unit": "km"}]}, "meshes[1].unit: input should be 'm', 'cm', 'mm' or 'in', got 'km'"),
+    ({"meshes": [mesh | {"file": "none.stl"}]}, "meshes[1].file: no such file"),
+    (
+        {"meshes": [mesh | {"entry": {"point_m": [0.0, 0, 0], "normal": [0.0, 0, 1]}}]},
+        "entry belongs to a mesh of role",
+    ),
+    ({"meshes": []}, "meshes: tuple should have at least 1 item"),
+    ({"gravty": [0.0, 0.0, 0.0]}, "gravty: unknown key; did you mean 'gravity_m_s2'?"),
+    ({"start": {"bending_n": [[0.0, 0.0], [0.0, 0.0]]}}, "start.bending_n: expected 1 rows, one for each segment"),
+    ({"start": {"bending_n": [[0.0, 0.0]], "insertion_m": 0.1}}, "start.insertion_m: got 0.1, but [base] has no"),
+    (
+        {"goal": {"bending_n": [[0.0, 0.0]], "tip_position_m": [0.0, 0, 0]}},
+        "exactly one of bending_n and tip_position_m",
+    ),
+    ({"goal": {"bending_n": [[0.0, 0.0]], "tip_tolerance_m": 0.1}}, "tip_tolerance_m does not belong to a goal"),
+    ({"goal": {"tip_position_m": [0.0, 0, 0], "view_tolerance_deg": 5.0}}, "view_tolerance_deg needs a view_direction"),
+    ({"goal": {"tip_position_m": [0.0, 0, 0], "view_direction": [0.0, 0, 0]}}, "a direction of length above 0"),
+    ({"goals": [{"bending_n": [[0.0, 0.0]]}]}, "expected either one [goal] or a list of [[goals]]"),
+    ({"base": {"insertion_m": [0.1, 0.0]}}, "base.insertion_m: expected a range [low, high] with low below high"),
+    ({"base": {"quaternion_wxyz": [0.0, 0, 0, 0]}}, "base.quaternion_wxyz: expected a quaternion of length above 0"),
+    ({"planner": {"validity": "learned"}}, "shape_model: missing, and planner.validity = 'learned' needs it"),
+    ({"planner": {"validity": "magic"}}, "planner.validity: input should be 'learned', 'reference'"),
+    ({"planner": {"step_m": 0.0}}, "planner.step_m"),
+    ({"planner": {"seed": 0}}, "planner.seed"),
+    ({"shape_model": "none.pt"}, "shape_model: no such file"),
+    ({"format": "tdcr-scenario/9"}, "format: input should be 'tdcr-scenario/1'"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), FAULTS)
+def test_faulty_scenarios_are_refused(make_scenario: Make, change: dict[str, Any], message: str) -> None:
+    with pytest.raises(FormatError, match=re.escape(message)) as caught:
+        make_scenario(**change)
+    assert "scenario.toml" in str(caught.value)
+
+
+def test_missing_scenario_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match=r"none\.toml: no such file"):
+        load_scenario(tmp_path / "none.toml")
