@@ -1,10 +1,33 @@
-"""Verification: the Cosserat reference on every state of a path, independent of the model that found it."""
+"""Verification: the Cosserat reference on every state of a path, independent of the model that found it.
+
+Between two neighbouring states i and j no point of the body moves farther than L_ij, measured on the reference
+shapes. A point that lies rho from its place at i lies at most L_ij - rho from its place at j, so anywhere in between
+its clearance is at least (c_i + c_j - L_ij) / 2. A path is verified when that bound keeps the asked clearance on every
+gap; gaps where it does not are halved until it does or the halves say that it never will.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
 
-from tdcr_planner.arrays import BoolArray, FloatArray
+import numpy as np
+
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.collision.scene import CollisionScene
+from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.se3 import transform_points
+from tdcr_planner.shape.base import ShapeModel
+from tdcr_planner.statics.solver import RodSolution, solve_statics
+from tdcr_planner.statics.strain import largest_bending_strain
+from tdcr_planner.statics.tendons import tendon_displacements
+
+# Halving a gap of step_m this often leaves 1/64 of it: below that, missing clearance is missing, not unproven.
+MAX_HALVINGS = 6
+# Tensions are sums of products of float64 numbers near 1 N.
+TENSION_ROUNDING_N = 1e-9
 
 
 @dataclass(frozen=True)
@@ -12,18 +35,21 @@ class VerificationReport:
     """What the reference says of each of the k states of a path.
 
     Attributes:
-        verified: True when every state converged, keeps the clearance and respects the tension limits.
+        verified: True when every state converged to a stable shape, neighbouring states keep the clearance between
+            them, and the robot's limits hold.
         message: Why it is not verified, naming the first failing state; empty when it is.
         converged: Shape (k,).
         residual: Residual of the reference, shape (k,), N m.
         deviation: Largest distance of a disk centre between the shape model's and the reference's shape, shape (k,), m;
-            NaN where no shape model was compared.
+            NaN where there is no shape to compare.
         clearance: Smallest distance of the body from a surface under the reference shape, shape (k,), m; negative when
-            it touches or is on the wrong side.
-        in_limits: Whether tensions (and the robot's other limits) are kept, shape (k,).
+            it touches or is on the wrong side, NaN where the reference has no shape.
+        in_limits: Whether the limits on tension, tendon displacement and backbone strain are kept, shape (k,).
         positions: Reference disk centres, shape (k, d, 3), m, world frame.
         rotations: world_from_disk, shape (k, d, 3, 3).
         model_positions: Disk centres by the shape model, shape (k, d, 3), m, world frame; None without one.
+        cause: "", "statics", "limits", "jump" or "clearance".
+        worst_state: Index of the state that failed, or of the smallest clearance.
     """
 
     verified: bool
@@ -36,8 +62,256 @@ class VerificationReport:
     positions: FloatArray
     rotations: FloatArray
     model_positions: FloatArray | None = None
+    cause: str = ""
+    worst_state: int = 0
 
     @property
     def states(self) -> int:
         """Number of states k."""
         return len(self.converged)
+
+    @property
+    def worst(self) -> dict[str, float]:
+        """Largest residual (N m) and deviation (m) and smallest clearance (m) over the states, NaN where unknown."""
+        return {
+            "residual_nm": _extreme(self.residual, np.max),
+            "deviation_m": _extreme(self.deviation, np.max),
+            "clearance_m": _extreme(self.clearance, np.min),
+        }
+
+
+def _extreme(values: FloatArray, choose: Callable[[FloatArray], Any]) -> float:
+    known = values[~np.isnan(values)]
+    return float(choose(known)) if len(known) else float("nan")
+
+
+@dataclass(frozen=True)
+class SolvedStates:
+    """The states of a path in order, solved by the reference.
+
+    Attributes:
+        rows: Configurations, shape (k, dimension).
+        tensions: Shape (k, t), N.
+        displacements: Tendon pulled out at the base against the straight robot, shape (k, t), m.
+        converged: Shape (k,).
+        stable: Shape (k,).
+        residual: Shape (k,), N m.
+        strain: Largest bending strain of each segment's backbone, shape (k, segments).
+        clearance: Shape (k,), m; NaN where there is no shape.
+        positions: Disk centres, shape (k, d, 3), m, world frame.
+        rotations: world_from_disk, shape (k, d, 3, 3).
+        halvings: How often the gap behind each state has been halved below the step, shape (k,).
+    """
+
+    rows: FloatArray
+    tensions: FloatArray
+    displacements: FloatArray
+    converged: BoolArray
+    stable: BoolArray
+    residual: FloatArray
+    strain: FloatArray
+    clearance: FloatArray
+    positions: FloatArray
+    rotations: FloatArray
+    halvings: IntArray
+
+    def halve(self, gaps: IntArray, middle: SolvedStates) -> SolvedStates:
+        """Returns the states with others inserted into some gaps.
+
+        Args:
+            gaps: Index of the state before each gap, increasing, shape (g,).
+            middle: The g states that belong there.
+        """
+        depth = self.halvings.copy()
+        depth[gaps] += 1
+        before = replace(self, halvings=depth)
+        between = replace(middle, halvings=depth[gaps])
+        merged = {
+            item.name: np.insert(getattr(before, item.name), gaps + 1, getattr(between, item.name), axis=0)
+            for item in fields(self)
+        }
+        return SolvedStates(**merged)
+
+
+class _Failure(NamedTuple):
+    """Why a path is not verified: the cause, a sentence, the state."""
+
+    cause: str
+    message: str
+    state: int
+
+
+class Verifier:
+    """Solves the states of a path with the reference and judges them in a scene.
+
+    Attributes:
+        step: No point of the body moves farther between two verified states, m.
+        clearance: Distance to be kept from every surface, m.
+    """
+
+    def __init__(
+        self,
+        space: ConfigurationSpace,
+        scene: CollisionScene,
+        *,
+        step: float,
+        clearance: float,
+        model: ShapeModel | None = None,
+    ) -> None:
+        """Prepares verification.
+
+        Args:
+            space: The scenario's configurations.
+            scene: The scene with the body as it is, without margins.
+            step: Largest motion of a body point between two states, m.
+            clearance: Distance to be kept from every surface, m.
+            model: The shape model that the search asked, for the deviation.
+        """
+        self.space = space
+        self.scene = scene
+        self.step = step
+        self.clearance = clearance
+        self.model = model
+        self._robot: RobotSpec = space.robot
+
+    def verify(self, rows: FloatArray) -> tuple[VerificationReport, SolvedStates]:
+        """Returns the reference's judgement on a path, and the states it solved for it.
+
+        Args:
+            rows: Configurations of the path's states in order, shape (k, dimension); interpolated linearly in between.
+        """
+        states = self._solve(rows)
+        # Gaps wider than the step get the halvings that lead down to it for free.
+        excess = np.maximum(self.body_motion(states.positions, states.rotations) / self.step, 1.0)
+        allowance = np.nan_to_num(np.ceil(np.log2(excess))).astype(np.int64)
+        states = replace(states, halvings=np.append(-allowance, 0))
+        failure = self._judge_states(states)
+        while failure is None:
+            gaps = self._open_gaps(states)
+            if not len(gaps):
+                break
+            failure = self._judge_gaps(states, gaps)
+            if failure is None:
+                middle = 0.5 * (states.rows[gaps] + states.rows[gaps + 1])
+                states = states.halve(gaps, self._solve(middle))
+                failure = self._judge_states(states)
+        return self._report(states, failure), states
+
+    def _solve(self, rows: FloatArray) -> SolvedStates:
+        actuation = self.space.actuate(rows)
+        solution: RodSolution = solve_statics(
+            self._robot, actuation.tensions, gravity=actuation.gravity, tip_force=actuation.tip_force
+        )
+        converged = np.asarray(solution.converged, dtype=np.bool_)
+        positions = transform_points(actuation.base_rotations, actuation.base_positions, solution.positions)
+        rotations = actuation.base_rotations[:, None] @ solution.rotations
+        clearance = np.full(len(rows), np.nan)
+        if converged.any():
+            clearance[converged] = self.scene.clearance(positions[converged], rotations[converged])
+        return SolvedStates(
+            rows=rows,
+            tensions=actuation.tensions,
+            displacements=tendon_displacements(self._robot, solution, actuation.tensions),
+            converged=converged,
+            stable=np.asarray(solution.stable, dtype=np.bool_),
+            residual=solution.residual,
+            strain=largest_bending_strain(self._robot, solution),
+            clearance=clearance,
+            positions=positions,
+            rotations=rotations,
+            halvings=np.zeros(len(rows), dtype=np.int64),
+        )
+
+    def _in_limits(self, states: SolvedStates) -> BoolArray:
+        within = (states.tensions <= self._robot.max_tensions + TENSION_ROUNDING_N).all(axis=1)
+        for index, segment in enumerate(self._robot.segments):
+            if segment.max_tendon_displacement_m is not None:
+                columns = self._robot.tendon_segments == index
+                within &= (np.abs(states.displacements[:, columns]) <= segment.max_tendon_displacement_m).all(axis=1)
+        for index, backbone in enumerate(self._robot.segment_backbones):
+            if backbone.max_strain is not None:
+                within &= states.strain[:, index] <= backbone.max_strain
+        return np.asarray(within, dtype=np.bool_)
+
+    def _judge_states(self, states: SolvedStates) -> _Failure | None:
+        """Returns the first failure of a state by itself, or None."""
+        count = len(states.rows)
+        for failing, cause, reason in (
+            (~states.converged, "statics", "the reference did not converge"),
+            (states.converged & ~states.stable, "statics", "the reference shape is not stable"),
+            (~self._in_limits(states), "limits", "a limit on tension, tendon displacement or strain is exceeded"),
+        ):
+            if failing.any():
+                state = int(np.argmax(failing))
+                return _Failure(cause, f"state {state + 1} of {count}: {reason}", state)
+        state = int(np.argmin(states.clearance))
+        if states.clearance[state] < self.clearance:
+            distance, asked = 1e3 * states.clearance[state], 1e3 * self.clearance
+            message = f"clearance {distance:.3f} mm under the reference, asked {asked:.3f} mm"
+            return _Failure("clearance", f"state {state + 1} of {count}: {message}", state)
+        return None
+
+    def _open_gaps(self, states: SolvedStates) -> IntArray:
+        """Returns the gaps whose motion is too far or whose clearance in between is not shown, as first states."""
+        motion = self.body_motion(states.positions, states.rotations)
+        shown = states.clearance[:-1] + states.clearance[1:] - motion >= 2.0 * self.clearance
+        return np.flatnonzero(~shown | (motion > self.step))
+
+    def _judge_gaps(self, states: SolvedStates, gaps: IntArray) -> _Failure | None:
+        """Returns the failure of the first open gap that has been halved as often as is sensible, or None."""
+        spent = gaps[states.halvings[gaps] >= MAX_HALVINGS]
+        if not len(spent):
+            return None
+        state = int(spent[0])
+        pair = slice(state, state + 2)
+        motion = float(self.body_motion(states.positions[pair], states.rotations[pair])[0])
+        where = f"between states {state + 1} and {state + 2} of {len(states.rows)}"
+        if motion > self.step:
+            return _Failure("jump", f"{where} the reference shape jumps by {1e3 * motion:.2f} mm", state)
+        lowest = 1e3 * float(states.clearance[pair].min())
+        return _Failure("clearance", f"{where} a clearance of {lowest:.3f} mm leaves no room for the motion", state)
+
+    def body_motion(self, positions: FloatArray, rotations: FloatArray) -> FloatArray:
+        """Returns how far any point of the body moves at most between neighbouring states, shape (k - 1,), m.
+
+        A point of disk d moves by at most |dp_d| plus its distance from the centre times the rotation's chord
+        2 sin(angle / 2) = |dR|_F / sqrt 2; everything between two disks is spanned by points of the disks.
+        """
+        shift = np.linalg.norm(np.diff(positions, axis=0), axis=2)
+        chord = np.linalg.norm(np.diff(rotations, axis=0), axis=(2, 3)) / np.sqrt(2.0)
+        reach = np.hypot(self._robot.disk_radii, 0.5 * self._robot.disk_thicknesses)
+        return np.asarray((shift + reach * chord).max(axis=1))
+
+    def _report(self, states: SolvedStates, failure: _Failure | None) -> VerificationReport:
+        if failure is None:
+            failure = _Failure("", "", int(np.argmin(states.clearance)))
+        deviation = np.full(len(states.rows), np.nan)
+        model_positions = None
+        if self.model is not None:
+            actuation = self.space.actuate(states.rows)
+            inside = self.model.in_domain(actuation.tensions, actuation.gravity, actuation.tip_force)
+            model_positions = np.full_like(states.positions, np.nan)
+            if inside.any():
+                poses = self.model.disk_poses(
+                    actuation.tensions[inside],
+                    gravity=actuation.gravity[inside],
+                    tip_force=actuation.tip_force[inside],
+                )
+                model_positions[inside] = transform_points(
+                    actuation.base_rotations[inside], actuation.base_positions[inside], poses.positions
+                )
+                deviation = np.linalg.norm(model_positions - states.positions, axis=2).max(axis=1)
+        return VerificationReport(
+            verified=not failure.cause,
+            message=failure.message,
+            cause=failure.cause,
+            worst_state=failure.state,
+            converged=states.converged,
+            residual=states.residual,
+            deviation=deviation,
+            clearance=states.clearance,
+            in_limits=self._in_limits(states),
+            positions=states.positions,
+            rotations=states.rotations,
+            model_positions=model_positions,
+        )

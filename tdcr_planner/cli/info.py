@@ -1,0 +1,91 @@
+"""tdcr info: what a robot, model, scenario, suite or result file holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+if TYPE_CHECKING:
+    from tdcr_planner.planning.scenario import Goal, Scenario
+    from tdcr_planner.robot import RobotSpec
+
+
+def info(file: tyro.conf.Positional[Path]) -> int:
+    """Say what a robot, model, scenario or result file holds.
+
+    Example: tdcr info models/shape/inspection/model.pt
+
+    Args:
+        file: A robot or scenario (.toml), a shape model (.pt) or a result (.json).
+    """
+    from tdcr_planner.errors import FormatError
+    from tdcr_planner.files import read_toml
+
+    if file.suffix == ".pt":
+        from tdcr_planner.shape.learned import load_shape_model
+
+        print(load_shape_model(file).card.describe())
+    elif file.suffix == ".json":
+        from tdcr_planner.cli.plan import describe
+        from tdcr_planner.report.results import read_result
+
+        result = read_result(file)
+        print(f"result of {result.scenario.path}, seed {result.seed}\n{describe(result)}")
+    elif file.suffix == ".toml":
+        from tdcr_planner.planning.scenario import load_scenario
+        from tdcr_planner.robot import load_robot
+
+        kind = read_toml(file).get("format")
+        if kind == "tdcr-robot/1":
+            print(_describe_robot(load_robot(file)))
+        elif kind == "tdcr-scenario/1":
+            print(_describe_scenario(load_scenario(file)))
+        else:
+            raise FormatError(file, f"expected 'tdcr-robot/1' or 'tdcr-scenario/1', got {kind!r}", "format")
+    else:
+        raise FormatError(file, f"expected a file ending in .toml, .pt or .json, got {file.suffix!r}")
+    return 0
+
+
+def _describe_robot(robot: RobotSpec) -> str:
+    weight = robot.disk_masses.sum() + robot.tip.mass_kg
+    lines = [f"robot {robot.name!r}, mechanics {robot.mechanics_hash[:12]}"]
+    for index, (segment, backbone) in enumerate(zip(robot.segments, robot.segment_backbones, strict=True)):
+        weight += backbone.weight_per_length_kg_m * segment.length_m
+        angles = ", ".join(f"{angle:g}" for angle in segment.tendon_angles_deg)
+        lines += [
+            f"segment {index + 1}: {1e3 * segment.length_m:g} mm, {segment.disks} disks of "
+            f"{2e3 * segment.disk_radius_m:g} mm and {1e3 * segment.disk_mass_kg:g} g",
+            f"  tendons at {angles} degrees on a circle of {1e3 * segment.tendon_circle_radius_m:g} mm, "
+            f"{segment.pretension_n:g} to {segment.max_tension_n:g} N",
+            f"  backbone {2e3 * backbone.radius_m:g} mm, EI {backbone.stiffness_bending_torsion[0]:.4g} N m^2",
+        ]
+    lines.append(f"moving weight {1e3 * weight:.2f} g, of which {1e3 * robot.tip.mass_kg:g} g payload")
+    return "\n".join(lines)
+
+
+def _describe_scenario(scenario: Scenario) -> str:
+    file, planner = scenario.file, scenario.planner
+    lines = [f"scenario {file.title or scenario.path.name!r} for robot {scenario.robot.name!r}"]
+    lines += [f"mesh {mesh.file} in {mesh.unit} as {mesh.role}" for mesh in file.meshes]
+    if file.base.insertion_m is not None:
+        lines.append("insertion {:g} to {:g} mm".format(*(1e3 * value for value in file.base.insertion_m)))
+    if file.base.roll_deg is not None:
+        lines.append("roll {:g} to {:g} degrees".format(*file.base.roll_deg))
+    lines += [f"goal {index + 1}: {_describe_goal(goal)}" for index, goal in enumerate(scenario.goals)]
+    lines.append(
+        f"{planner.name} with {planner.validity} validity, {planner.time_limit_s:g} s, step {1e3 * planner.step_m:g} mm, "
+        f"clearance {1e3 * planner.clearance_m:g} mm"
+    )
+    return "\n".join(lines)
+
+
+def _describe_goal(goal: Goal) -> str:
+    if goal.tip_position_m is None:
+        return f"bending {goal.bending_n} N, insertion {1e3 * goal.insertion_m:g} mm, roll {goal.roll_deg:g} degrees"
+    text = "tip at ({:g}, {:g}, {:g}) mm".format(*(1e3 * value for value in goal.tip_position_m))
+    if goal.view_direction is not None:
+        text += " looking along ({:g}, {:g}, {:g})".format(*goal.view_direction)
+    return text

@@ -1,0 +1,79 @@
+"""tdcr plan: from a scenario to a verified path and its files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+
+if TYPE_CHECKING:
+    from tdcr_planner.session import PlanResult
+
+
+def plan(
+    scenario: tyro.conf.Positional[Path],
+    *,
+    out: Path,
+    seed: int | None = None,
+    planner: str | None = None,
+    validity: Literal["learned", "reference", "constant_curvature"] | None = None,
+    time_limit_s: float | None = None,
+    progress: bool = True,
+) -> int:
+    """Plan a path through a mesh scene, verify it with the Cosserat reference and write it with pictures.
+
+    Example: tdcr plan scenes/duct/scenario_elbow.toml --out out/elbow
+
+    Writes result.json, trajectory.csv, path.png, path.html and shapes.npz into the output folder, all or nothing.
+
+    Args:
+        scenario: Scenario file.
+        out: Folder for the result.
+        seed: Seed of the search, in place of the scenario's.
+        planner: OMPL planner, in place of the scenario's.
+        validity: Shape model that the search asks, in place of the scenario's.
+        time_limit_s: Time for search, verification and repair in seconds, in place of the scenario's.
+        progress: Draw a progress bar while planning.
+    """
+    import time
+
+    from tdcr_planner.cli.progress import TimeBar
+    from tdcr_planner.planning.scenario import load_scenario
+    from tdcr_planner.report.results import write_result
+    from tdcr_planner.session import PlanningSession, PlanStatus
+
+    started = time.perf_counter()
+    given = {"seed": seed, "name": planner, "validity": validity, "time_limit_s": time_limit_s}
+    changes = {key: value for key, value in given.items() if value is not None}
+    session = PlanningSession(load_scenario(scenario).with_planner(**changes))
+    loaded = time.perf_counter() - started
+    with TimeBar("planning", session.scenario.planner.time_limit_s, shown=progress) as bar:
+        result = session.plan(load_s=loaded, progress=bar.update)
+    write_result(result, out)
+    print(describe(result))
+    print(f"files:     {out}/result.json trajectory.csv path.png path.html shapes.npz")
+    return 0 if result.status is PlanStatus.VERIFIED else 1
+
+
+def describe(result: PlanResult) -> str:
+    """Returns a planning result as a few lines for a terminal."""
+    lines = [f"status:    {result.status.value}"]
+    if result.message:
+        lines.append(f"           {result.message}")
+    if result.verification is not None and result.path is not None:
+        worst = result.verification.worst
+        lines += [
+            f"path:      {len(result.path)} states, tip travels {1e3 * result.path.tip_travel:.0f} mm "
+            f"in {result.path.times[-1]:.1f} s, {result.repairs} repairs",
+            f"reference: least clearance {1e3 * worst['clearance_m']:.2f} mm "
+            f"(asked {1e3 * result.scenario.planner.clearance_m:.2f}), "
+            f"largest model deviation {1e3 * worst['deviation_m']:.2f} mm, "
+            f"largest residual {worst['residual_nm']:.1e} N m",
+        ]
+    times = result.timings_s
+    checked = f"{result.planner.get('states_checked', 0):,} states checked"
+    lines.append(
+        f"time:      load {times['load']:.2f} s, plan {times['plan']:.2f} s ({checked}), verify {times['verify']:.2f} s"
+    )
+    return "\n".join(lines)
