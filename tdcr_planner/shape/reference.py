@@ -1,0 +1,54 @@
+"""The Cosserat reference as a shape model: exact within the rod model, slower than the learned one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.shape.base import DiskPoses
+from tdcr_planner.statics.solver import RodSolution, SolverSettings, solve_statics
+
+
+class ReferenceShape:
+    """Disk poses from `solve_statics`.
+
+    A row counts as solved when an equilibrium was found and it is stable: an unstable one is no shape the robot keeps.
+    """
+
+    name = "reference"
+
+    def __init__(self, robot: RobotSpec, settings: SolverSettings | None = None) -> None:
+        """Prepares the reference for a robot with the solver's settings, the default ones if none are given."""
+        self.robot = robot
+        self.settings = settings or SolverSettings()
+        self.error_bound: FloatArray = np.zeros(robot.disk_count)
+
+    def in_domain(self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> BoolArray:  # noqa: ARG002
+        """Returns true for every row: whether a shape exists is for the solver to find out."""
+        return np.ones(len(tensions), dtype=np.bool_)
+
+    def disk_poses(
+        self,
+        tensions: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+        tip_force: ArrayLike | None = None,
+    ) -> DiskPoses:
+        """Returns the disk poses of a batch; see `ShapeModel.disk_poses`."""
+        solution = self.solve(tensions, gravity=gravity, tip_force=tip_force)
+        return DiskPoses(solution.positions, solution.rotations, solution.converged & solution.stable)
+
+    def solve(
+        self,
+        tensions: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+        tip_force: ArrayLike | None = None,
+        initial: RodSolution | None = None,
+    ) -> RodSolution:
+        """Returns the whole solution, warm-started from `initial` where given; see `solve_statics`."""
+        return solve_statics(
+            self.robot, tensions, gravity=gravity, tip_force=tip_force, initial=initial, settings=self.settings
+        )

@@ -1,0 +1,190 @@
+"""The public solver: shapes of a robot under tensions and dead loads, with a status a case."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.errors import InputError
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.statics import kernels
+from tdcr_planner.statics.loads import RodLoads, check_loads, writable
+from tdcr_planner.statics.rod import rod_arrays
+
+
+class SolveStatus(StrEnum):
+    """How the solution of one case ended.
+
+    CONVERGED: a stable equilibrium.
+    UNSTABLE: an equilibrium on the branch that follows from the unloaded shape, but not a stable one: the loads are
+        beyond a buckling load and the robot would leave it.
+    LIMIT_POINT: the branch that follows from the unloaded shape ends before the full loads are reached (it snaps
+        through); no shape is returned.
+    NOT_CONVERGED: the iteration gave up; no shape is returned.
+    """
+
+    CONVERGED = "converged"
+    UNSTABLE = "unstable"
+    LIMIT_POINT = "limit_point"
+    NOT_CONVERGED = "not_converged"
+
+
+_STATUS = np.array(list(SolveStatus), dtype=object)
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """How exactly and with what effort to solve.
+
+    Attributes:
+        tolerance: Largest |M(l) - M_tip| relative to the moment that the loads can exert (length times largest cut
+            force, plus tip moment).
+        steps_per_gap: Integration steps between neighbouring disks; None keeps each at or below 1/20 of the robot.
+        first_load_step: Fraction of the loads tried first from the unloaded shape; smaller follows the branch in
+            smaller steps from the start.
+        threads: Threads among which a batch is divided. The results do not depend on it.
+    """
+
+    tolerance: float = 1e-9
+    steps_per_gap: int | None = None
+    first_load_step: float = 1.0
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        if not 1e-13 <= self.tolerance <= 1e-3:
+            raise InputError("tolerance", "a number from 1e-13 to 1e-3", self.tolerance)
+        if not 1e-3 <= self.first_load_step <= 1.0:
+            raise InputError("first_load_step", "a number from 1e-3 to 1", self.first_load_step)
+        if self.threads < 1:
+            raise InputError("threads", "a whole number of 1 or more", self.threads)
+
+
+@dataclass(frozen=True)
+class RodSolution:
+    """The shapes of a batch of n cases.
+
+    Attributes:
+        positions: Disk centres, shape (n, d, 3), m, base frame; NaN where no equilibrium was found.
+        rotations: base_from_disk, shape (n, d, 3, 3); NaN where no equilibrium was found.
+        arc_lengths: Arc length of each disk in the unloaded rod, shape (d,), m.
+        converged: Whether an equilibrium was found, shape (n,).
+        residual: |M(l) - M_tip|, shape (n,), N m.
+        status: SolveStatus of each case, shape (n,), dtype object.
+        iterations: Integrations from base to tip that the case took, shape (n,).
+        base_moment: Moment across the cut at the base, shape (n, 3), N m, base frame; what a warm start needs.
+        stable: Whether the equilibrium is stable, shape (n,); false where none was found.
+        load_fraction: Fraction of the loads up to which the branch from the unloaded shape was followed, shape (n,).
+        tensions: The tensions solved for, shape (n, t), N.
+        loads: The loads solved for.
+        settings: The settings used.
+    """
+
+    positions: FloatArray
+    rotations: FloatArray
+    arc_lengths: FloatArray
+    converged: BoolArray
+    residual: FloatArray
+    status: NDArray[Any]
+    iterations: IntArray
+    base_moment: FloatArray
+    stable: BoolArray
+    load_fraction: FloatArray
+    tensions: FloatArray
+    loads: RodLoads
+    settings: SolverSettings
+
+
+_DEFAULT_SETTINGS = SolverSettings()
+
+
+def solve_statics(
+    robot: RobotSpec,
+    tensions: ArrayLike,
+    *,
+    gravity: ArrayLike | None = None,
+    tip_force: ArrayLike | None = None,
+    tip_moment: ArrayLike | None = None,
+    distributed_force: ArrayLike | None = None,
+    disk_forces: ArrayLike | None = None,
+    initial: RodSolution | None = None,
+    settings: SolverSettings = _DEFAULT_SETTINGS,
+) -> RodSolution:
+    """Returns the equilibrium shapes of a robot by the Cosserat-rod model with frictionless tendons.
+
+    Every case is solved by itself: its result does not depend on the others in the batch. Loads are dead: fixed in
+    direction, in the base frame. Without `initial` the branch that follows from the unloaded shape is returned.
+
+    Args:
+        robot: The robot.
+        tensions: Shape (n, t), N, one column a tendon in the robot file's order.
+        gravity: Acceleration, shape (3,) or (n, 3), m/s^2; acts on backbone, disks and payload.
+        tip_force: Shape (3,) or (n, 3), N, at the centre of the last disk.
+        tip_moment: Shape (3,) or (n, 3), N m, at the last disk.
+        distributed_force: Shape (3,) or (n, 3), N per metre of backbone, on top of its weight.
+        disk_forces: Shape (n, d, 3), N, at each disk centre; that on the base is borne by the clamp.
+        initial: A neighbouring solution of as many cases (or of one, used for all) to start from. Where a start
+            fails or ends at an unstable shape, the case is solved from the unloaded shape.
+        settings: Tolerance, steps, threads.
+
+    Returns:
+        The shapes, each with its status; a case that was not solved is NaN and says why.
+
+    Raises:
+        InputError: Wrong shapes, values that are not finite, negative tensions.
+    """
+    tension = writable(robot.check_tensions(tensions))
+    count = len(tension)
+    loads = check_loads(robot, count, gravity, tip_force, tip_moment, distributed_force, disk_forces)
+    rod = rod_arrays(robot, settings.steps_per_gap)
+    disks = robot.disk_count
+    guesses = _initial_moments(initial, count)
+    forces = loads.disk_forces if len(loads.disk_forces) else np.zeros((1, disks, 3))
+    positions = np.empty((count, disks, 3))
+    rotations = np.empty((count, disks, 3, 3))
+    base_moment = np.empty((count, 3))
+    residual, fraction = np.empty(count), np.empty(count)
+    codes, sweeps = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+
+    def solve_rows(start: int, stop: int) -> None:
+        kernels.solve_cases(
+            rod, tension, loads.gravity, loads.tip_force, loads.tip_moment, loads.distributed_force, forces, guesses,
+            initial is not None, settings.tolerance, settings.first_load_step, start, stop,
+            positions, rotations, base_moment, residual, codes, sweeps, fraction,
+        )  # fmt: skip
+
+    workers = min(settings.threads, count)
+    if workers <= 1:
+        solve_rows(0, count)
+    else:
+        bounds = np.linspace(0, count, workers + 1).astype(int)
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(solve_rows, bounds[:-1].tolist(), bounds[1:].tolist()))
+    return RodSolution(
+        positions=positions,
+        rotations=rotations,
+        arc_lengths=robot.arc_lengths,
+        converged=codes <= kernels.UNSTABLE,
+        residual=residual,
+        status=_STATUS[codes],
+        iterations=sweeps,
+        base_moment=base_moment,
+        stable=codes == kernels.CONVERGED,
+        load_fraction=fraction,
+        tensions=tension,
+        loads=loads,
+        settings=settings,
+    )
+
+
+def _initial_moments(initial: RodSolution | None, count: int) -> FloatArray:
+    if initial is None:
+        return np.zeros((count, 3))
+    if len(initial.base_moment) not in (1, count):
+        raise InputError("initial", f"a solution of 1 or {count} cases", f"one of {len(initial.base_moment)}")
+    return np.array(np.broadcast_to(initial.base_moment, (count, 3)))
