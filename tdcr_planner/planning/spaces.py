@@ -96,12 +96,15 @@ class ConfigurationSpace:
 
     def actuate(self, rows: FloatArray) -> Actuation:
         """Returns tensions, loads in the base frame and base poses of rows (n, dimension)."""
+        return Actuation(self.robot.tensions_from_bending(self.bending(rows)), *self.base_poses(rows))
+
+    def base_poses(self, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Returns gravity, tip force (base frame), base positions and base rotations of rows; see `Actuation`."""
         base_rotations = self._base_rotation @ rotation_about_z(self.roll(rows))
         base_positions = self._base_position + self.insertion(rows)[:, None] * self._base_rotation[:, 2]
-        return Actuation(
-            tensions=self.robot.tensions_from_bending(self.bending(rows)),
-            gravity=np.einsum("nji,j->ni", base_rotations, self._gravity),
-            tip_force=np.einsum("nji,j->ni", base_rotations, self._tip_force),
-            base_positions=base_positions,
-            base_rotations=base_rotations,
+        return (
+            np.einsum("nji,j->ni", base_rotations, self._gravity),
+            np.einsum("nji,j->ni", base_rotations, self._tip_force),
+            base_positions,
+            base_rotations,
         )

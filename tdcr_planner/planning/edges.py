@@ -1,0 +1,187 @@
+"""Edges: whether the straight motion between two configurations is valid, without a gap that anything fits into."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.planning.kernels import body_motion
+from tdcr_planner.planning.validity import Cause, Shapes, ValidityChecker, disk_reaches
+
+_COARSE_STEPS = 4.0  # spacing of the first samples of an edge, in steps
+_MOST_ROUNDS = 40
+_MOST_STATES = 50_000
+_REMEMBERED = 200_000
+
+
+class EdgeChecker:
+    """Checks edges: the end state first, then states in between so dense that nothing fits between them.
+
+    What is guaranteed. Let m be the clearance asked for plus the model's error bound. Every state taken keeps
+    m + step / 2 (`planning_margins`). At each moment between two neighbouring states every point of the body is within
+    step / 2 of its place in one of them, hence keeps m. `kernels.body_motion` has the bound: the points between two
+    disks (backbone, tendons, sleeve) lie on straight lines between disk points and move no farther than the farther
+    end, the shaft follows disk 0.
+
+    What it rests on. The bound on the motion between two states takes the curvature of the motion from second
+    differences at the spacing of the states, doubled. It holds for shape models that do not change their mind within
+    a fraction of `step`; a model that jumps between two equilibria has no bound at any spacing.
+
+    Attributes:
+        checker: The validity checker that it asks.
+        step: Largest motion of a point of the body between checked states, m.
+        edges_checked: How many edges it has tested.
+        edges_rejected: How many of them were rejected.
+    """
+
+    def __init__(self, checker: ValidityChecker, step: float) -> None:
+        """Prepares the edge checker for a step in metres."""
+        self.checker = checker
+        self.step = float(step)
+        self.edges_checked = 0
+        self.edges_rejected = 0
+        self._reaches = disk_reaches(checker.robot)
+        self._known: set[bytes] = set()
+
+    def state_valid(self, row: FloatArray) -> bool:
+        """Returns whether one state is valid, and remembers it when it is."""
+        key = row.tobytes()
+        if key in self._known:
+            return True
+        if self.checker.check(row[None])[0] != 0:
+            return False
+        self._remember(key)
+        return True
+
+    def check_edge(self, row_a: FloatArray, row_b: FloatArray) -> bool:
+        """Returns whether every state of the straight motion from row_a to row_b, both included, is valid.
+
+        Args:
+            row_a: Start, shape (dimension,).
+            row_b: End, shape (dimension,).
+        """
+        self.edges_checked += 1
+        valid = self._edge_valid(row_a, row_b)
+        self.edges_rejected += not valid
+        return valid
+
+    def subdivide(self, row_a: FloatArray, row_b: FloatArray, step: float | None = None) -> FloatArray:
+        """Returns states from row_a to row_b, both included, between which no point of the body moves more than step.
+
+        Validity is not tested. Rows without a shape have no poses to measure; the motion beside them counts as zero.
+
+        Args:
+            row_a: Start, shape (dimension,).
+            row_b: End, shape (dimension,).
+            step: Largest motion, m; None for the checker's own.
+
+        Returns:
+            Shape (n, dimension), n of 2 or more.
+        """
+        size = self.step if step is None else float(step)
+        along = self._coarse(row_a, row_b, size)
+        for _ in range(_MOST_ROUNDS):
+            positions, rotations, _ = self.checker.world_poses(_between(row_a, row_b, along))
+            motion = np.nan_to_num(body_motion(positions, rotations, along, self._reaches))
+            added = _fill(along, motion, size)
+            if not len(added) or len(along) + len(added) > _MOST_STATES:
+                break
+            along = np.sort(np.concatenate([along, added]))
+        return _between(row_a, row_b, along)
+
+    def densify(self, rows: FloatArray, step: float | None = None) -> FloatArray:
+        """Returns the states of a whole path, waypoints (k, dimension) included, at most step apart."""
+        parts = [rows[:1]]
+        for row_a, row_b in itertools.pairwise(rows):
+            parts.append(self.subdivide(row_a, row_b, step)[1:])
+        return np.concatenate(parts)
+
+    def path_valid(self, rows: FloatArray) -> bool:
+        """Returns whether every edge of a path of waypoints (k, dimension) is valid."""
+        if len(rows) == 1:
+            return self.state_valid(rows[0])
+        return all(self.check_edge(a, b) for a, b in itertools.pairwise(rows))
+
+    def _edge_valid(self, row_a: FloatArray, row_b: FloatArray) -> bool:
+        checker = self.checker
+        along = self._coarse(row_a, row_b, self.step)
+        shapes = checker.shapes(_between(row_a, row_b, along))
+        if shapes.codes.any():
+            checker.count(shapes.codes)
+            return False
+        if not self._ends_valid(row_a, row_b, shapes):
+            return False
+        tested = Shapes(shapes.codes[1:-1], shapes.positions[1:-1], shapes.rotations[1:-1])
+        while True:
+            if not self._all_free(tested):
+                return False
+            motion = body_motion(shapes.positions, shapes.rotations, along, self._reaches)
+            added = _fill(along, motion, self.step)
+            if not len(added):
+                return True
+            if len(along) + len(added) > _MOST_STATES:
+                checker.rejected[Cause.EDGE] += 1
+                return False
+            tested = checker.shapes(_between(row_a, row_b, added))
+            order = np.argsort(np.concatenate([along, added]), kind="stable")
+            along = np.concatenate([along, added])[order]
+            shapes = _merge(shapes, tested, order)
+
+    def _ends_valid(self, row_a: FloatArray, row_b: FloatArray, shapes: Shapes) -> bool:
+        """Tests the ends of an edge unless they are known, the far one first."""
+        for row, place in ((row_b, len(shapes.codes) - 1), (row_a, 0)):
+            key = row.tobytes()
+            if key in self._known:
+                continue
+            one = slice(place, place + 1)
+            if not self._all_free(Shapes(shapes.codes[one], shapes.positions[one], shapes.rotations[one])):
+                return False
+            self._remember(key)
+        return True
+
+    def _all_free(self, shapes: Shapes) -> bool:
+        """Tests states that are not known; without asking the scene where a cheaper test has rejected one."""
+        if not shapes.codes.any():
+            self.checker.collide(shapes)
+        self.checker.count(shapes.codes)
+        return not shapes.codes.any()
+
+    def _coarse(self, row_a: FloatArray, row_b: FloatArray, step: float) -> FloatArray:
+        """Returns where on the edge the first states stand: evenly, some steps apart, 3 at least."""
+        motion = float(np.abs((row_b - row_a) * self.checker.motion_scale).sum())
+        intervals = min(max(2, int(np.ceil(motion / (_COARSE_STEPS * step)))), _MOST_STATES // 2)
+        return np.linspace(0.0, 1.0, intervals + 1)
+
+    def _remember(self, key: bytes) -> None:
+        if len(self._known) >= _REMEMBERED:
+            self._known.clear()
+        self._known.add(key)
+
+
+def _between(row_a: FloatArray, row_b: FloatArray, along: FloatArray) -> FloatArray:
+    """Returns the states at parameters (n,) of an edge, its ends exactly those given, shape (n, dimension)."""
+    rows = row_a + along[:, None] * (row_b - row_a)
+    rows[along == 1.0] = row_b
+    return np.asarray(rows)
+
+
+def _fill(along: FloatArray, motion: FloatArray, step: float) -> FloatArray:
+    """Returns the parameters to add so that intervals with more motion than step are split, shape (m,)."""
+    wide = np.flatnonzero(motion > step)
+    if not len(wide):
+        return np.empty(0)
+    parts = np.ceil(motion[wide] / (0.97 * step)).astype(np.int64)
+    starts = np.repeat(along[wide], parts - 1)
+    widths = np.repeat((along[wide + 1] - along[wide]) / parts, parts - 1)
+    first = np.repeat(np.cumsum(parts - 1) - (parts - 1), parts - 1)
+    return np.asarray(starts + widths * (np.arange(len(starts)) - first + 1))
+
+
+def _merge(old: Shapes, new: Shapes, order: IntArray) -> Shapes:
+    return Shapes(
+        np.concatenate([old.codes, new.codes])[order],
+        np.concatenate([old.positions, new.positions])[order],
+        np.concatenate([old.rotations, new.rotations])[order],
+    )

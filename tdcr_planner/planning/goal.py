@@ -1,0 +1,240 @@
+"""Goals: the configurations that end a query, given or found by batched sampling and refinement of the shape model."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.planning.scenario import Goal
+from tdcr_planner.planning.validity import Codes, ValidityChecker, sample_within_tensions
+
+_DIFFERENCE_M = 1e-3  # body motion of a finite difference: far above float32 noise, far below the arcs' radii
+_LONGEST_STEP_M = 0.05
+_REFINEMENTS = 12
+_DIVERSITY_M = 0.01
+_AIM = 0.5  # refinement stops inside this share of the tolerances
+
+
+class GoalSource(Protocol):
+    """Where the search gets goal states from.
+
+    Attributes:
+        rows: Valid goal states found so far.
+    """
+
+    rows: list[FloatArray]
+
+    def take(self) -> list[FloatArray]:
+        """Returns the valid goal states found since the last call."""
+        ...
+
+    def due(self, iterations: int) -> bool:
+        """Returns whether it is time to look for more, after so many iterations of the planner."""
+        ...
+
+    def search(self) -> None:
+        """Looks for more goal states, once."""
+        ...
+
+    def unreachable(self) -> str:
+        """Returns why the goal cannot be a goal at all; empty when it can, or when nobody knows yet."""
+        ...
+
+    def satisfied(self, row: FloatArray) -> bool:
+        """Returns whether a configuration, shape (dimension,), reaches the goal."""
+        ...
+
+
+class ConfigurationGoal:
+    """A goal that is one configuration."""
+
+    def __init__(self, checker: ValidityChecker, row: FloatArray) -> None:
+        """Takes the configuration, shape (dimension,); it is tested at once."""
+        self._row = row
+        self._problem = checker.explain(row)
+        self.rows: list[FloatArray] = [] if self._problem else [row]
+        self._taken = False
+
+    def take(self) -> list[FloatArray]:
+        """Returns the configuration, once, when it is valid."""
+        fresh = [] if self._taken else self.rows
+        self._taken = True
+        return fresh
+
+    def due(self, iterations: int) -> bool:  # noqa: ARG002
+        """Returns false: there is no other state to be found."""
+        return False
+
+    def search(self) -> None:
+        """Does nothing: the state is given."""
+
+    def unreachable(self) -> str:
+        """Returns why the configuration is not valid, naming disk and mesh for a contact."""
+        return self._problem
+
+    def satisfied(self, row: FloatArray) -> bool:
+        """Returns whether a row is the goal configuration."""
+        return bool(np.allclose(row, self._row, rtol=0.0, atol=1e-9))
+
+
+class TipGoal:
+    """A goal for the tip: a position, or a position and a viewing direction.
+
+    Goal states come in rounds. A round samples shapes within the tension limits, takes those whose tip is nearest,
+    and moves each to the goal by damped Gauss-Newton steps with differences of the model, all of them in one batch.
+    Each ends near where it started, so that they are as diverse as the samples. What collides is dropped, what lies
+    next to a state that is known already is dropped as well.
+
+    Attributes:
+        rows: Valid goal states found so far.
+        reached: How many configurations were found that reach the goal, valid or not.
+        nearest: Error of the best configuration seen, and its tip position, m, world frame.
+    """
+
+    def __init__(self, checker: ValidityChecker, goal: Goal, seed: int) -> None:
+        """Prepares the goal; the first round is run by the first `search`."""
+        assert goal.tip_position_m is not None  # the caller has told the kinds of goal apart
+        self._checker = checker
+        self._target = np.asarray(goal.tip_position_m, dtype=np.float64)
+        self._tolerance = goal.tip_tolerance_m
+        self._view: FloatArray | None = None
+        if goal.view_direction is not None:
+            view = np.asarray(goal.view_direction, dtype=np.float64)
+            self._view = view / np.linalg.norm(view)
+        self._chord = 2.0 * np.sin(np.deg2rad(goal.view_tolerance_deg) / 2.0)
+        self._generator = np.random.default_rng(seed)
+        slow = checker.model.name == "reference"
+        self._samples, self._kept = (96, 8) if slow else (2048, 96)
+        self._next_due = 32
+        self._taken = 0
+        self._colliding = 0
+        self.rounds = 0
+        self.rows: list[FloatArray] = []
+        self.reached = 0
+        self.nearest: tuple[float, FloatArray] = (np.inf, np.full(3, np.nan))
+
+    def take(self) -> list[FloatArray]:
+        """Returns the valid goal states found since the last call."""
+        fresh = self.rows[self._taken :]
+        self._taken = len(self.rows)
+        return fresh
+
+    def due(self, iterations: int) -> bool:
+        """Returns true after 32, 64, 128 ... iterations, so that the share of time spent here falls."""
+        if iterations < self._next_due:
+            return False
+        self._next_due = 2 * iterations
+        return True
+
+    def search(self) -> None:
+        """Runs one round; valid states that it finds are added to `rows`."""
+        self.rounds += 1
+        rows = sample_within_tensions(self._checker, self._samples, self._generator)
+        residual, _ = self._residuals(rows)
+        size = np.linalg.norm(residual, axis=1)
+        rows = rows[np.argsort(size, kind="stable")[: self._kept]]
+        rows, within = self._refine(rows)
+        self.reached += int(within.sum())
+        candidates = self._diverse(rows[within])
+        if len(candidates):
+            codes: Codes = self._checker.check(candidates)
+            self._colliding += int((codes != 0).sum())
+            self.rows.extend(candidates[codes == 0])
+
+    def unreachable(self) -> str:
+        """Returns the nearest reachable tip position when no round has come within the tolerance, collisions aside."""
+        if self.reached or not self.rounds:
+            return ""
+        error, tip = self.nearest
+        place = ", ".join(f"{value:.4f}" for value in tip)
+        wanted = ", ".join(f"{value:.4f}" for value in self._target)
+        return (
+            f"no configuration brings the tip to ({wanted}) m within {self._tolerance:g} m"
+            + ("" if self._view is None else " looking that way")
+            + f"; the nearest that can be reached, collisions aside, is ({place}) m, {error:.4f} m away"
+        )
+
+    def satisfied(self, row: FloatArray) -> bool:
+        """Returns whether a configuration brings the tip within the tolerances."""
+        residual, _ = self._residuals(row[None])
+        return bool(self._within(residual, 1.0)[0])
+
+    def _residuals(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns errors in units of their tolerance, shape (n, 3 or 6), infinite without a shape, and the tips."""
+        positions, rotations, solved = self._checker.world_poses(rows)
+        tips = positions[:, -1]
+        residual = (tips - self._target) / self._tolerance
+        if self._view is not None:
+            residual = np.concatenate([residual, (rotations[:, -1, :, 2] - self._view) / self._chord], axis=1)
+        residual[~solved] = np.inf
+        return residual, tips
+
+    def _within(self, residual: FloatArray, share: float) -> BoolArray:
+        inside = np.linalg.norm(residual[:, :3], axis=1) <= share
+        if self._view is not None:
+            inside &= np.linalg.norm(residual[:, 3:], axis=1) <= share
+        return np.asarray(inside)
+
+    def _refine(self, rows: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Moves rows (n, dimension) to the goal; returns the best place of each and which are within the tolerances."""
+        best, (best_residual, best_tips) = rows.copy(), self._residuals(rows)
+        damping = np.full(len(rows), 1e-3)
+        for _ in range(_REFINEMENTS):
+            active = np.flatnonzero(~self._within(best_residual, _AIM) & np.isfinite(best_residual).all(axis=1))
+            if not len(active):
+                break
+            tried = self._project(best[active] + self._step(best[active], best_residual[active], damping[active]))
+            residual, tips = self._residuals(tried)
+            better = np.linalg.norm(residual, axis=1) < np.linalg.norm(best_residual[active], axis=1)
+            moved = active[better]
+            best[moved], best_residual[moved], best_tips[moved] = tried[better], residual[better], tips[better]
+            damping[moved] *= 0.3
+            damping[active[~better]] *= 10.0
+        distance = np.linalg.norm(best_tips - self._target, axis=1)
+        distance[~np.isfinite(best_residual).all(axis=1)] = np.inf
+        nearest = int(np.argmin(distance))
+        if distance[nearest] < self.nearest[0]:
+            self.nearest = (float(distance[nearest]), best_tips[nearest].copy())
+        return best, self._within(best_residual, 0.95)
+
+    def _step(self, rows: FloatArray, residual: FloatArray, damping: FloatArray) -> FloatArray:
+        """Returns the damped Gauss-Newton step, the shortest in body motion, at most `_LONGEST_STEP_M` of it."""
+        count, dimension = rows.shape
+        scale = self._checker.motion_scale
+        shifts = np.diag(_DIFFERENCE_M / scale)
+        shifted, _ = self._residuals((rows[:, None, :] + shifts).reshape(-1, dimension))
+        shifted = shifted.reshape(count, dimension, -1)
+        slope = np.where(np.isfinite(shifted), shifted - residual[:, None, :], 0.0) / _DIFFERENCE_M
+        normal = np.swapaxes(slope, 1, 2) @ slope
+        size = np.trace(normal, axis1=1, axis2=2) / normal.shape[1]
+        normal += (damping * size + 1e-12)[:, None, None] * np.eye(normal.shape[1])
+        moves = -(slope @ np.linalg.solve(normal, residual[:, :, None]))[:, :, 0]
+        length = np.linalg.norm(moves, axis=1)
+        moves *= np.minimum(1.0, _LONGEST_STEP_M / np.maximum(length, 1e-12))[:, None]
+        return np.asarray(moves / scale)
+
+    def _project(self, rows: FloatArray) -> FloatArray:
+        """Returns rows within the bounds and, by shrinking bending vectors, within the tension limits."""
+        space, robot = self._checker.space, self._checker.robot
+        rows = np.clip(rows, space.lower, space.upper)
+        tensions = self._checker.actuate(rows).tensions - robot.pretensions
+        room = robot.max_tensions - robot.pretensions
+        for index in range(robot.segment_count):
+            columns = robot.tendon_segments == index
+            excess = (tensions[:, columns] / room[columns]).max(axis=1)
+            rows[:, 2 * index : 2 * index + 2] /= np.maximum(excess, 1.0)[:, None]
+        return rows
+
+    def _diverse(self, rows: FloatArray) -> FloatArray:
+        """Returns the rows that are not next to one another or to a known state."""
+        scale = self._checker.motion_scale
+        known = [row * scale for row in self.rows]
+        kept = []
+        for row in rows:
+            place = row * scale
+            if all(np.linalg.norm(place - other) > _DIVERSITY_M for other in known):
+                known.append(place)
+                kept.append(row)
+        return np.array(kept).reshape(-1, rows.shape[1])

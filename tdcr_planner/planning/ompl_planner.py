@@ -1,0 +1,247 @@
+"""The search: from a scenario's start through its goals, with answers as values."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from tdcr_planner.arrays import FloatArray
+from tdcr_planner.planning.edges import EdgeChecker
+from tdcr_planner.planning.goal import ConfigurationGoal, GoalSource, TipGoal
+from tdcr_planner.planning.ompl_run import PLANNERS, REFUSED, PlannerRun, Progress, check_planner, planner_parameters
+from tdcr_planner.planning.scenario import Goal, Scenario
+from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.planning.validity import ValidityChecker, rejections
+
+__all__ = [
+    "PLANNERS",
+    "REFUSED",
+    "Progress",
+    "SearchOutcome",
+    "SearchStatus",
+    "check_planner",
+    "planner_parameters",
+    "search",
+]
+
+_FIRST_ROUNDS = 4  # rounds of goal sampling after which a goal that no shape has reached counts as out of reach
+_MOST_PERMUTED = 7
+
+
+class SearchStatus(StrEnum):
+    """How a search ended."""
+
+    FOUND = "found"
+    NO_PATH = "no_path"
+    INVALID_START = "invalid_start"
+    INVALID_GOAL = "invalid_goal"
+
+
+@dataclass(frozen=True)
+class SearchOutcome:
+    """The answer of a search.
+
+    Attributes:
+        status: How it ended.
+        message: The same for a person.
+        rows: Waypoints of the path, shape (k, dimension), or None.
+        goals: Index in rows at which each goal is reached, in the order of travel.
+        order: The goals' numbers (from 0) in the order of travel.
+        statistics: name, iterations, vertices, goal_states, states_checked, edges_checked, rejected (a count a cause).
+    """
+
+    status: SearchStatus
+    message: str
+    rows: FloatArray | None = None
+    goals: tuple[int, ...] = ()
+    order: tuple[int, ...] = ()
+    statistics: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a path."""
+        return self.status is SearchStatus.FOUND
+
+
+def search(
+    scenario: Scenario,
+    space: ConfigurationSpace,
+    checker: ValidityChecker,
+    *,
+    time_limit_s: float | None = None,
+    seed: int | None = None,
+    progress: Progress | None = None,
+    edges: EdgeChecker | None = None,
+) -> SearchOutcome:
+    """Searches a path from the scenario's start through its goals.
+
+    Args:
+        scenario: The query; its planner settings hold unless an argument here replaces them.
+        space: Its configuration space.
+        checker: Validity of states, with the scene inflated by `planning_margins`.
+        time_limit_s: Time for the whole search; None for the scenario's.
+        seed: Seed, above 0; None for the scenario's. The same seed gives the same path unless the time runs out or
+            the planner is one that improves its path until then (give those the parameter `iterations`).
+        progress: Told the share of the time that has passed and a message.
+        edges: Validity of edges; None makes one with the scenario's step.
+
+    Returns:
+        The outcome; an invalid start, a goal out of reach and no path are statuses, not exceptions.
+
+    Raises:
+        InputError: The planner or one of its parameters is not offered.
+    """
+    settings = scenario.planner
+    check_planner(settings.name, settings.parameters)
+    begin = time.monotonic()
+    query = _Query(
+        scenario=scenario,
+        space=space,
+        checker=checker,
+        edges=edges or EdgeChecker(checker, settings.step_m),
+        deadline=begin + (settings.time_limit_s if time_limit_s is None else time_limit_s),
+        seed=settings.seed if seed is None else seed,
+        progress=progress,
+    )
+    return query.run()
+
+
+@dataclass
+class _Query:
+    scenario: Scenario
+    space: ConfigurationSpace
+    checker: ValidityChecker
+    edges: EdgeChecker
+    deadline: float
+    seed: int
+    progress: Progress | None
+    iterations: int = 0
+    vertices: int = 0
+    sources: list[GoalSource] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._states_before = self.checker.states_checked
+        self._edges_before = self.edges.edges_checked
+        self._rejected_before = dict(self.checker.rejected)
+
+    def run(self) -> SearchOutcome:
+        start_file = self.scenario.file.start
+        start = self.space.row(start_file.bending_n, start_file.insertion_m, start_file.roll_deg)
+        problem = self.checker.explain(start)
+        if problem:
+            return self._outcome(SearchStatus.INVALID_START, f"the start is not valid: {problem}")
+        for number, goal in enumerate(self.scenario.goals):
+            source = self._source(goal, number)
+            self.sources.append(source)
+            problem = self._first_states(source)
+            if problem:
+                return self._outcome(SearchStatus.INVALID_GOAL, f"{self._name(number)}: {problem}")
+            if not source.rows:
+                message = f"{self._name(number)}: no configuration that reaches it was found to be free of collision"
+                return self._outcome(SearchStatus.NO_PATH, message)
+        return self._travel(start, self._order(start))
+
+    def _travel(self, start: FloatArray, order: tuple[int, ...]) -> SearchOutcome:
+        rows, reached = start[None], []
+        for leg, number in enumerate(order):
+            now = time.monotonic()
+            run = PlannerRun(
+                checker=self.checker,
+                edges=self.edges,
+                name=self.scenario.planner.name,
+                parameters=dict(self.scenario.planner.parameters),
+                deadline=now + max(self.deadline - now, 0.0) / (len(order) - leg),
+                progress=self.progress,
+            )
+            source = self.sources[number]
+            found = None if now >= self.deadline else run.run(rows[-1], source, self.seed + leg)
+            self.iterations += run.iterations
+            self.vertices += run.vertices
+            if found is not None:
+                found = _with_exact_ends(found, rows[-1], source)
+            if found is None or not self.edges.path_valid(found):
+                message = f"no path to {self._name(number)} within the time given"
+                return self._outcome(SearchStatus.NO_PATH, message)
+            rows = np.concatenate([rows, found[1:]])
+            reached.append(len(rows) - 1)
+        return self._outcome(SearchStatus.FOUND, f"path of {len(rows)} waypoints", rows, tuple(reached), order)
+
+    def _source(self, goal: Goal, number: int) -> GoalSource:
+        if goal.bending_n is not None:
+            row = self.space.row(goal.bending_n, goal.insertion_m, goal.roll_deg)
+            return ConfigurationGoal(self.checker, row)
+        return TipGoal(self.checker, goal, self.seed + 1000 * (number + 1))
+
+    def _first_states(self, source: GoalSource) -> str:
+        """Looks for goal states until there is one, the goal is known to be out of reach, or the time is over."""
+        for attempt in itertools.count(1):
+            if source.rows:
+                return ""
+            source.search()
+            problem = source.unreachable()
+            if problem and (attempt >= _FIRST_ROUNDS or isinstance(source, ConfigurationGoal)):
+                return problem
+            if time.monotonic() >= self.deadline:
+                return problem
+        return ""
+
+    def _order(self, start: FloatArray) -> tuple[int, ...]:
+        """Returns the order of travel: as given, or the one of least body motion between the goals' states."""
+        count = len(self.sources)
+        given = tuple(range(count))
+        if self.scenario.file.goal_order == "given" or count == 1:
+            return given
+        places = [start[None], *(np.array(source.rows) for source in self.sources)]
+        scale = self.checker.motion_scale
+        between = np.array([[np.linalg.norm((a[:, None] - b) * scale, axis=2).min() for b in places] for a in places])
+        if count <= _MOST_PERMUTED:
+            return min(itertools.permutations(given), key=lambda order: _tour_length(between, order))
+        order: tuple[int, ...] = ()
+        here = 0
+        while len(order) < count:
+            following = min((i for i in given if i not in order), key=lambda i: between[here, i + 1])
+            order, here = (*order, following), following + 1
+        return order
+
+    def _name(self, number: int) -> str:
+        return "the goal" if len(self.scenario.goals) == 1 else f"goal {number + 1}"
+
+    def _outcome(
+        self,
+        status: SearchStatus,
+        message: str,
+        rows: FloatArray | None = None,
+        goals: tuple[int, ...] = (),
+        order: tuple[int, ...] = (),
+    ) -> SearchOutcome:
+        rejected = {cause: n - self._rejected_before[cause] for cause, n in self.checker.rejected.items()}
+        statistics = {
+            "name": self.scenario.planner.name,
+            "iterations": self.iterations,
+            "vertices": self.vertices,
+            "goal_states": sum(len(source.rows) for source in self.sources),
+            "states_checked": self.checker.states_checked - self._states_before,
+            "edges_checked": self.edges.edges_checked - self._edges_before,
+            "rejected": rejections(rejected),
+        }
+        return SearchOutcome(status, message, rows, goals, order, statistics)
+
+
+def _tour_length(between: FloatArray, order: tuple[int, ...]) -> float:
+    stops = [0, *(index + 1 for index in order)]
+    return float(sum(between[a, b] for a, b in itertools.pairwise(stops)))
+
+
+def _with_exact_ends(rows: FloatArray, start: FloatArray, source: GoalSource) -> FloatArray:
+    """Returns a path whose ends are the given states: the planner's coordinates are rounded by their scaling."""
+    rows = rows.copy()
+    rows[0] = start
+    nearest = min(source.rows, key=lambda row: float(np.abs(row - rows[-1]).max()))
+    if np.allclose(nearest, rows[-1], rtol=1e-9, atol=1e-12):
+        rows[-1] = nearest
+    return rows if len(rows) > 1 else np.concatenate([rows, rows])

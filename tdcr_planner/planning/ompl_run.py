@@ -1,0 +1,286 @@
+"""One run of an OMPL planner, by name: what is offered, its parameters, and callbacks that cannot bring it down."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from ompl import base as ob
+from ompl import geometric as og
+from ompl import util as ou
+
+from tdcr_planner.arrays import FloatArray
+from tdcr_planner.errors import InputError, nearest_name
+from tdcr_planner.planning.edges import EdgeChecker
+from tdcr_planner.planning.goal import GoalSource
+from tdcr_planner.planning.validity import ValidityChecker
+
+Progress = Callable[[float, str], None]
+
+PLANNERS: tuple[str, ...] = (
+    "RRTConnect",
+    "RRT",
+    "RRTstar",
+    "InformedRRTstar",
+    "SORRTstar",
+    "AORRTC",
+    "BITstar",
+    "FMT",
+    "BFMT",
+    "KPIECE1",
+    "BKPIECE1",
+    "LBKPIECE1",
+)
+OPTIMISING: frozenset[str] = frozenset({"RRTstar", "InformedRRTstar", "SORRTstar", "AORRTC", "BITstar"})
+REFUSED: dict[str, str] = {
+    "PRM": "it runs a second thread, in which an exception or Ctrl-C ends the process",
+    "PRMstar": "it runs a second thread, in which an exception or Ctrl-C ends the process",
+    **dict.fromkeys(
+        ("LazyPRM", "LazyPRMstar", "AITstar", "EITstar", "EST", "BiEST", "SST", "TRRT", "STRIDE", "CForest", "SPARS"),
+        "OMPL's Python bindings do not have it",
+    ),
+}
+_SINGLE_SHOT = frozenset({"FMT", "BFMT"})
+_NOT_PARAMETERS = {"setName"}
+_PROGRESS_PERIOD_S = 0.1
+_DEFAULT_RANGE = 0.5  # longest edge of a tree, in robot lengths of body motion
+
+
+def planner_parameters(name: str) -> dict[str, type]:
+    """Returns the parameters of a planner with their types, by name (OMPL's setters in snake case).
+
+    Raises:
+        InputError: The planner is not offered; the message names those that are, and why an OMPL planner is refused.
+    """
+    check_planner(name)
+    return {key: kind for key, (_, kind) in _setters(name).items()}
+
+
+def check_planner(name: str, parameters: dict[str, Any] | None = None) -> None:
+    """Raises InputError unless a planner of that name is offered and has those parameters."""
+    if name not in PLANNERS:
+        reason = f" (OMPL has {name}, but {REFUSED[name]})" if name in REFUSED else ""
+        raise InputError("planner.name", nearest_name(name, PLANNERS), f"{name!r}{reason}")
+    if not parameters:
+        return
+    known = {**planner_parameters(name), "iterations": int}
+    for key, value in parameters.items():
+        if key not in known:
+            raise InputError(f"planner.parameters of {name}", nearest_name(key, known), repr(key))
+        _convert(key, value, known[key])
+
+
+@dataclass
+class PlannerRun:
+    """One run of a planner from a start to a source of goal states.
+
+    Attributes:
+        checker: Validity of states.
+        edges: Validity of edges.
+        name: The planner.
+        parameters: Its parameters.
+        deadline: When to end, by time.monotonic().
+        progress: Told a fraction of the time and a message now and then; may raise to end the search.
+        iterations: How often the planner has asked whether to go on.
+    """
+
+    checker: ValidityChecker
+    edges: EdgeChecker
+    name: str
+    parameters: dict[str, Any]
+    deadline: float
+    progress: Progress | None = None
+    iterations: int = 0
+    vertices: int = 0
+    error: BaseException | None = None
+
+    def __post_init__(self) -> None:
+        self._begin = time.monotonic()
+        self._reported = self._begin
+        self._most = int(self.parameters.get("iterations", 0))
+        self._scale = self.checker.motion_scale
+
+    def run(self, start: FloatArray, goal: GoalSource, seed: int) -> FloatArray | None:
+        """Returns the waypoints of a path, shape (k, dimension), or None.
+
+        Args:
+            start: A valid configuration, shape (dimension,).
+            goal: Where to end; asked for more states while the planner runs.
+            seed: Seed of the planner's random numbers, above 0.
+        """
+        _seed(seed)
+        space = self._space()
+        information = ob.SpaceInformation(space)
+        validator = _EdgeValidator(information, self)
+        information.setMotionValidator(validator)
+        information.setStateValidityChecker(self._state_valid)
+        information.setup()
+        states = ob.GoalStates(information)
+        self._goal, self._states, self._information = goal, states, information
+        try:
+            return self._solve(information, states, start)
+        finally:
+            # The binding keeps what a callback holds alive: without this the planner's tree would never be freed.
+            del self._goal, self._states, self._information
+
+    def _solve(self, information: Any, states: Any, start: FloatArray) -> FloatArray | None:
+        definition = ob.ProblemDefinition(information)
+        first = information.allocState()
+        self._write(first, start)
+        definition.addStartState(first)
+        self._offer()
+        if self.error is None and not states.hasStates():
+            return None
+        definition.setGoal(states)
+        condition = ob.PlannerTerminationCondition(self._stop)
+        samples = 0
+        while self.error is None:
+            planner = getattr(og, self.name)(information)
+            self._configure(planner, samples)
+            planner.setProblemDefinition(definition)
+            planner.setup()
+            planner.solve(condition)
+            self.vertices += _vertices(planner, information)
+            if self.name not in _SINGLE_SHOT or definition.hasExactSolution() or self._stop():
+                break
+            samples = max(2 * samples, 2 * planner.getNumSamples())
+            definition.clearSolutionPaths()
+        if self.error is not None:
+            raise self.error
+        if not definition.hasExactSolution():
+            return None
+        path = definition.getSolutionPath()
+        return np.array([self._read(path.getState(index)) for index in range(path.getStateCount())])
+
+    def _configure(self, planner: Any, samples: int) -> None:
+        setters = _setters(self.name)
+        if "range" in setters and "range" not in self.parameters:
+            planner.setRange(_DEFAULT_RANGE * self.checker.robot.length)
+        for key, value in self.parameters.items():
+            if key != "iterations":
+                setter, kind = setters[key]
+                getattr(planner, setter)(_convert(key, value, kind))
+        if samples:
+            planner.setNumSamples(samples)
+
+    def _space(self) -> Any:
+        """Returns the space whose coordinates are metres of motion of the body (row times motion scale)."""
+        rows = self.checker.space
+        space = ob.RealVectorStateSpace(rows.dimension)
+        bounds = ob.RealVectorBounds(rows.dimension)
+        for index in range(rows.dimension):
+            bounds.setLow(index, float(rows.lower[index] * self._scale[index]))
+            bounds.setHigh(index, float(rows.upper[index] * self._scale[index]))
+        space.setBounds(bounds)
+        return space
+
+    def _read(self, state: Any) -> FloatArray:
+        return np.array([state[index] for index in range(len(self._scale))]) / self._scale
+
+    def _write(self, state: Any, row: FloatArray) -> None:
+        for index, value in enumerate((row * self._scale).tolist()):
+            state[index] = value
+
+    def _offer(self) -> None:
+        """Adds goal states that the source has found since the last call."""
+        for row in self._goal.take():
+            state = self._information.allocState()
+            self._write(state, row)
+            self._states.addState(state)
+
+    # The three callbacks run inside OMPL. What they raise is kept and ends the search; `run` raises it outside.
+
+    def _state_valid(self, state: Any) -> bool:
+        if self.error is not None:
+            return False
+        try:
+            return bool(self.edges.state_valid(self._read(state)))
+        except BaseException as error:
+            self.error = error
+            return False
+
+    def edge_valid(self, state_a: Any, state_b: Any) -> bool:
+        """Returns whether an edge of the planner is valid."""
+        if self.error is not None:
+            return False
+        try:
+            return bool(self.edges.check_edge(self._read(state_a), self._read(state_b)))
+        except BaseException as error:
+            self.error = error
+            return False
+
+    def _stop(self) -> bool:
+        if self.error is not None:
+            return True
+        try:
+            self.iterations += 1
+            now = time.monotonic()
+            if now >= self.deadline or (self._most and self.iterations >= self._most):
+                return True
+            if self._goal.due(self.iterations):
+                self._goal.search()
+                self._offer()
+            if self.progress is not None and now - self._reported > _PROGRESS_PERIOD_S:
+                self._reported = now
+                share = (now - self._begin) / max(self.deadline - self._begin, 1e-9)
+                self.progress(share, f"{self.edges.edges_checked} edges, {self.checker.states_checked} states")
+            return False
+        except BaseException as error:
+            self.error = error
+            return True
+
+
+class _EdgeValidator(ob.MotionValidator):
+    """OMPL's question about an edge, passed on. It must not keep the space information: that leaks it for good."""
+
+    def __init__(self, information: Any, run: PlannerRun) -> None:
+        super().__init__(information)
+        self._run = run
+
+    def checkMotion(self, state_a: Any, state_b: Any, *_: Any) -> bool:  # noqa: N802
+        """Returns whether the edge is valid; the form that asks for the last valid state is answered the same way."""
+        return self._run.edge_valid(state_a, state_b)
+
+
+def _setters(name: str) -> dict[str, tuple[str, type]]:
+    """Returns the setter and the type of each parameter of a planner by its name in snake case.
+
+    Types come from the signatures that the binding writes into docstrings: a getter called before `setup` can crash.
+    """
+    found = {}
+    for setter, method in inspect.getmembers(getattr(og, name)):
+        signature = re.match(r"set[A-Z]\w*\(self, \w+: (bool|int|float)\)", method.__doc__ or "")
+        if signature and setter not in _NOT_PARAMETERS:
+            key = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", setter[3:]).lower()
+            found[key] = (setter, {"bool": bool, "int": int, "float": float}[signature[1]])
+    return found
+
+
+def _convert(key: str, value: Any, kind: type) -> Any:
+    """Returns a parameter's value as the type that its setter takes."""
+    if kind is bool and isinstance(value, bool):
+        return value
+    if kind is int and isinstance(value, int) and not isinstance(value, bool) and value >= 0:
+        return value
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value):
+        return float(value)
+    wanted = {bool: "true or false", int: "a whole number of 0 or more", float: "a finite number"}[kind]
+    raise InputError(f"planner.parameters.{key}", wanted, repr(value))
+
+
+def _vertices(planner: Any, information: Any) -> int:
+    data = ob.PlannerData(information)
+    planner.getPlannerData(data)
+    return int(data.numVertices())
+
+
+def _seed(seed: int) -> None:
+    """Seeds OMPL; it warns when a generator exists already, though planners built afterwards do follow the seed."""
+    ou.setLogLevel(ou.LOG_NONE)
+    ou.RNG.setSeed(int(seed))
+    ou.setLogLevel(ou.LOG_ERROR)

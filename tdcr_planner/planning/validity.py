@@ -1,0 +1,362 @@
+"""Validity: whether configurations respect the robot's limits and keep clear of the scene, many at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.planning.kernels import gap_curvatures, tendon_pairs, tensions_of_bending, to_world
+from tdcr_planner.planning.scenario import Scenario
+from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.shape.base import ShapeModel
+
+Codes = NDArray[np.int8]
+_TENSION_TOLERANCE_N = 1e-9  # rounding of the bending map, far below what a tendon drive resolves
+
+
+class Cause(StrEnum):
+    """Why a configuration or an edge is rejected. The first three stand in the order of the scene's verdict codes."""
+
+    OBSTACLE = "obstacle"
+    CAVITY = "cavity"
+    SELF_COLLISION = "self_collision"
+    TENSION_LIMIT = "tension_limit"
+    MODEL_DOMAIN = "model_domain"
+    NO_SHAPE = "statics"
+    NOT_FINITE = "nan"
+    TENDON_DISPLACEMENT = "tendon_displacement"
+    STRAIN = "strain"
+    RULED_OUT = "ruled_out"
+    EDGE = "edge"
+
+    @property
+    def code(self) -> int:
+        """The code of this cause in what `ValidityChecker.check` returns; 0 stands for a valid state."""
+        return _CODES[self]
+
+
+CAUSES = tuple(Cause)
+_CODES = {cause: index + 1 for index, cause in enumerate(CAUSES)}
+
+
+class Scene(Protocol):
+    """What the search asks of a collision scene; see `tdcr_planner.collision.scene.CollisionScene`."""
+
+    def check(self, positions: FloatArray, rotations: FloatArray) -> Any:
+        """Returns a verdict code a state, shape (n,): 0 free, 1 obstacle, 2 cavity, 3 self-collision."""
+        ...
+
+    def first_contact(self, positions: FloatArray, rotations: FloatArray) -> Any:
+        """Returns the first contact of one state (with mesh_name or mesh, and part), or None."""
+        ...
+
+    def clearance(self, positions: FloatArray, rotations: FloatArray) -> FloatArray:
+        """Returns the distance of the body from the nearest surface, shape (n,), m."""
+        ...
+
+
+@dataclass
+class Shapes:
+    """World-frame disk poses of a batch of configurations and what is known of their validity.
+
+    Attributes:
+        codes: Shape (n,); 0 where nothing speaks against the row so far.
+        positions: Shape (n, d, 3), m, world frame; not to be used where the code is not 0.
+        rotations: world_from_disk, shape (n, d, 3, 3).
+    """
+
+    codes: Codes
+    positions: FloatArray
+    rotations: FloatArray
+
+
+def planning_margins(scenario: Scenario, model: ShapeModel) -> FloatArray:
+    """Returns the distance each disk must keep from every surface at a checked state, shape (d,), m.
+
+    The clearance asked for, half a step (what lies between two checked states is nearer than that to one of them), and
+    the shape model's error bound for the disk.
+    """
+    return np.asarray(scenario.planner.clearance_m + scenario.planner.step_m / 2.0 + model.error_bound)
+
+
+class ValidityChecker:
+    """Tests configurations in batches, the cheap tests first, and counts what it rejects by cause.
+
+    Attributes:
+        space: The configuration space whose rows it tests.
+        model: The shape model that it asks.
+        scene: The scene, whose body is inflated by `planning_margins`.
+        states_checked: How many states it has tested.
+        rejected: How many states were rejected for each cause.
+    """
+
+    def __init__(self, space: ConfigurationSpace, model: ShapeModel, scene: Scene) -> None:
+        """Prepares the checker; nothing is tested yet."""
+        self.space = space
+        self.model = model
+        self.scene = scene
+        self.robot: RobotSpec = space.robot
+        self.states_checked = 0
+        self.rejected: dict[Cause, int] = dict.fromkeys(CAUSES, 0)
+        self._ruled_out: list[tuple[FloatArray, float]] = []
+        self._pairs = tendon_pairs(self.robot)
+        self._limits = RobotLimits(self.robot)
+        self._disk_poses = getattr(model, "disk_poses_unchecked", None) or _checked_poses(model)
+
+    def check(self, rows: FloatArray) -> Codes:
+        """Returns a code a row: 0 for valid, else that of the `Cause` (its place in `CAUSES` plus 1).
+
+        Args:
+            rows: Configurations, shape (n, dimension).
+        """
+        shapes = self.shapes(rows)
+        self.collide(shapes)
+        self.count(shapes.codes)
+        return shapes.codes
+
+    def valid(self, rows: FloatArray) -> BoolArray:
+        """Returns which rows are valid, shape (n,)."""
+        return np.asarray(self.check(rows) == 0)
+
+    def world_poses(self, rows: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Returns positions (n, d, 3), rotations (n, d, 3, 3), world frame, and which rows have a shape, (n,).
+
+        Limits are not tested here; a row outside the model's domain has no shape.
+        """
+        shapes = self._place(self.actuate(rows), np.zeros(len(rows), dtype=np.int8))
+        return shapes.positions, shapes.rotations, np.asarray(shapes.codes == 0)
+
+    def actuate(self, rows: FloatArray) -> Actuation:
+        """Returns what `ConfigurationSpace.actuate` returns, by compiled code."""
+        base = self.space.base_poses(rows)
+        bending = np.ascontiguousarray(rows[:, : self.space.bending_count]).reshape(len(rows), -1, 2)
+        return Actuation(tensions_of_bending(bending, *self._pairs), *base)
+
+    def shapes(self, rows: FloatArray) -> Shapes:
+        """Returns the shapes of rows (n, dimension) after every test but the scene's."""
+        actuation = self.actuate(rows)
+        codes = np.zeros(len(rows), dtype=np.int8)
+        over = (actuation.tensions > self.robot.max_tensions + _TENSION_TOLERANCE_N).any(axis=1)
+        codes[over] = Cause.TENSION_LIMIT.code
+        for centre, radius in self._ruled_out:
+            near = (np.abs((rows - centre) * self.motion_scale).max(axis=1) < radius) & (codes == 0)
+            codes[near] = Cause.RULED_OUT.code
+        shapes = self._place(actuation, codes)
+        if self._limits.any:
+            alive = np.flatnonzero(shapes.codes == 0)
+            broken = self._limits.check(actuation.tensions[alive], shapes.rotations[alive])
+            shapes.codes[alive] = broken
+        return shapes
+
+    def collide(self, shapes: Shapes, which: slice | NDArray[Any] = slice(None)) -> None:
+        """Asks the scene about the rows that nothing speaks against and writes its verdicts into their codes."""
+        codes = shapes.codes[which]
+        if not codes.any():
+            shapes.codes[which] = self.scene.check(shapes.positions[which], shapes.rotations[which])
+            return
+        alive = np.flatnonzero(codes == 0)
+        if len(alive):
+            codes = codes.copy()
+            codes[alive] = self.scene.check(shapes.positions[which][alive], shapes.rotations[which][alive])
+            shapes.codes[which] = codes
+
+    def count(self, codes: Codes) -> None:
+        """Adds tested states to the counters."""
+        self.states_checked += len(codes)
+        for code in codes[codes != 0].tolist():
+            self.rejected[CAUSES[code - 1]] += 1
+
+    def rule_out(self, row: FloatArray, radius_m: float) -> None:
+        """Rejects from now on what lies near a configuration.
+
+        Args:
+            row: The configuration, shape (dimension,).
+            radius_m: How near, as motion of the body (each coordinate weighted by `motion_scale`), m.
+        """
+        self._ruled_out.append((np.array(row, dtype=np.float64), float(radius_m)))
+
+    def explain(self, row: FloatArray) -> str:
+        """Returns why a configuration is rejected, naming disk and mesh for a contact; empty when it is valid."""
+        shapes = self.shapes(row[None])
+        if shapes.codes[0] == 0:
+            self.collide(shapes)
+        code = int(shapes.codes[0])
+        if code == 0:
+            return ""
+        cause = CAUSES[code - 1]
+        if cause not in (Cause.OBSTACLE, Cause.CAVITY, Cause.SELF_COLLISION):
+            return self._limits.explain(cause, self.robot, self.actuate(row[None]).tensions[0])
+        contact = self.scene.first_contact(shapes.positions[0], shapes.rotations[0])
+        return f"{cause.value}: {contact}" if contact is not None else cause.value
+
+    @cached_property
+    def motion_scale(self) -> FloatArray:
+        """How far the body's fastest point moves for one unit of each coordinate, shape (dimension,), m per unit.
+
+        The median over random configurations within the tension limits, by differences.
+        """
+        return motion_scale(self)
+
+    def _place(self, actuation: Actuation, codes: Codes) -> Shapes:
+        """Returns world poses of the rows whose code is 0, and codes for those without a shape."""
+        inside = self.model.in_domain(actuation.tensions, actuation.gravity, actuation.tip_force)
+        if not inside.all():
+            codes[(codes == 0) & ~inside] = Cause.MODEL_DOMAIN.code
+        if not codes.any():
+            return self._pose_all(actuation, codes)
+        alive = np.flatnonzero(codes == 0)
+        disks = self.robot.disk_count
+        shapes = Shapes(codes, np.full((len(codes), disks, 3), np.nan), np.full((len(codes), disks, 3, 3), np.nan))
+        if len(alive):
+            part = Actuation(
+                actuation.tensions[alive],
+                actuation.gravity[alive],
+                actuation.tip_force[alive],
+                actuation.base_positions[alive],
+                actuation.base_rotations[alive],
+            )
+            posed = self._pose_all(part, np.zeros(len(alive), dtype=np.int8))
+            shapes.codes[alive] = posed.codes
+            shapes.positions[alive] = posed.positions
+            shapes.rotations[alive] = posed.rotations
+        return shapes
+
+    def _pose_all(self, actuation: Actuation, codes: Codes) -> Shapes:
+        poses = self._disk_poses(actuation.tensions, actuation.gravity, actuation.tip_force)
+        positions, rotations, finite = to_world(
+            poses.positions, poses.rotations, actuation.base_positions, actuation.base_rotations
+        )
+        if not finite.all():
+            codes[~finite] = Cause.NOT_FINITE.code
+        if not poses.solved.all():
+            codes[~poses.solved] = Cause.NO_SHAPE.code
+        return Shapes(codes, positions, rotations)
+
+
+class RobotLimits:
+    """The limits that depend on the shape: tendon displacement and backbone strain."""
+
+    def __init__(self, robot: RobotSpec) -> None:
+        """Collects a robot's limits."""
+        self._spacing = np.diff(robot.arc_lengths)
+        self._displacement = np.array(
+            [
+                np.inf if segment.max_tendon_displacement_m is None else segment.max_tendon_displacement_m
+                for segment in (robot.segments[index] for index in robot.tendon_segments)
+            ]
+        )
+        backbones = [robot.segment_backbones[index] for index in robot.disk_segments[1:]]
+        self._max_curvature = np.array(
+            [np.inf if rod.max_strain is None else rod.max_strain / rod.radius_m for rod in backbones]
+        )
+        self._offsets = robot.tendon_offsets
+        present = robot.tendon_segments[:, None] >= robot.disk_segments[None, 1:]
+        self._present = present * self._spacing
+        stretch = [robot.segments[index].tendon_axial_stiffness_n for index in robot.tendon_segments]
+        self._tendon_compliance = np.array(
+            [
+                0.0 if stiffness is None else robot.segment_ends[index] / stiffness
+                for stiffness, index in zip(stretch, robot.tendon_segments, strict=True)
+            ]
+        )
+        self._axial_compliance = np.array([1.0 / rod.stiffness_shear_extension[2] for rod in backbones])
+        self.any = bool(np.isfinite(self._displacement).any() or np.isfinite(self._max_curvature).any())
+
+    def tendon_displacements(self, tensions: FloatArray, rotations: FloatArray) -> FloatArray:
+        """Returns how far each tendon is pulled out at the base against the straight unloaded robot.
+
+        A tendon at constant offset r from a backbone of curvature u and axial strain e has the length
+        integral of 1 + e + (u x r)_z (Rucker and Webster 2011, eq. 1 to 3, to first order in the angle between tendon
+        and backbone); u is the mean between disks, e the tendons' compression, and the tendon's own stretch adds.
+
+        Args:
+            tensions: Shape (n, t), N.
+            rotations: Shape (n, d, 3, 3), any frame.
+
+        Returns:
+            Shape (n, t), m.
+        """
+        curvature = gap_curvatures(rotations, self._spacing)
+        along_x = curvature[:, :, 0] @ self._present.T
+        along_y = curvature[:, :, 1] @ self._present.T
+        bent = along_y * self._offsets[:, 0] - along_x * self._offsets[:, 1]
+        present = self._present > 0.0
+        strain = (tensions @ present) * self._axial_compliance
+        return np.asarray(bent + strain @ self._present.T + tensions * self._tendon_compliance)
+
+    def check(self, tensions: FloatArray, rotations: FloatArray) -> Codes:
+        """Returns 0 or the code of the limit that is broken, shape (n,)."""
+        codes = np.zeros(len(tensions), dtype=np.int8)
+        curvature = gap_curvatures(rotations, self._spacing)
+        bending = np.hypot(curvature[:, :, 0], curvature[:, :, 1])
+        codes[(bending > self._max_curvature).any(axis=1)] = Cause.STRAIN.code
+        displaced = np.abs(self.tendon_displacements(tensions, rotations)) > self._displacement
+        codes[displaced.any(axis=1)] = Cause.TENDON_DISPLACEMENT.code
+        return codes
+
+    @staticmethod
+    def explain(cause: Cause, robot: RobotSpec, tensions: FloatArray) -> str:
+        """Returns a sentence on a limit that is broken."""
+        if cause is Cause.TENSION_LIMIT:
+            worst = int(np.argmax(tensions - robot.max_tensions))
+            limit = robot.max_tensions[worst]
+            return f"{cause.value}: tendon {worst + 1} needs {tensions[worst]:.3g} N of at most {limit:.3g} N"
+        return cause.value
+
+
+def motion_scale(checker: ValidityChecker, samples: int = 24, seed: int = 0) -> FloatArray:
+    """Returns the median motion of the body's fastest disk point for one unit of each coordinate, m per unit."""
+    space = checker.space
+    generator = np.random.default_rng(seed)
+    span = space.upper - space.lower
+    rows = sample_within_tensions(checker, samples, generator)
+    shift = 1e-3 * span
+    stacked = np.concatenate([rows, *(rows + shift * unit for unit in np.eye(space.dimension))])
+    positions, rotations, solved = checker.world_poses(stacked)
+    positions = positions.reshape(space.dimension + 1, samples, -1, 3)
+    rotations = rotations.reshape(space.dimension + 1, samples, -1, 3, 3)
+    usable = solved.reshape(space.dimension + 1, samples)
+    turn = np.linalg.norm(rotations[1:] - rotations[0], axis=(-2, -1)) / np.sqrt(2.0)
+    motion = np.linalg.norm(positions[1:] - positions[0], axis=-1) + turn * disk_reaches(checker.robot)
+    fastest = np.where(usable[1:] & usable[0], motion.max(axis=-1), np.nan)
+    scale = np.array([np.nanmedian(row) if np.isfinite(row).any() else 0.0 for row in fastest]) / shift
+    # A coordinate that moves nothing keeps a small weight, so that the planner's space stays a metric space.
+    return np.asarray(np.maximum(scale, 1e-6 / span))
+
+
+def disk_reaches(robot: RobotSpec) -> FloatArray:
+    """Returns the largest distance of a point of each disk from its centre, shape (d,), m."""
+    return np.asarray(np.hypot(robot.disk_radii, robot.disk_thicknesses / 2.0))
+
+
+def sample_within_tensions(checker: ValidityChecker, count: int, generator: np.random.Generator) -> FloatArray:
+    """Returns random rows (count, dimension), uniform among those whose tensions are within their limits."""
+    space, limit = checker.space, checker.robot.max_tensions
+    found: list[FloatArray] = []
+    missing = count
+    while missing > 0:
+        rows = generator.uniform(space.lower, space.upper, (2 * missing + 16, space.dimension))
+        rows = rows[(checker.actuate(rows).tensions <= limit).all(axis=1)][:missing]
+        found.append(rows)
+        missing -= len(rows)
+    return np.concatenate(found)
+
+
+def rejections(counts: dict[Cause, int] | Iterable[tuple[Cause, int]]) -> dict[str, int]:
+    """Returns the counts by cause as plain names, without the zeros."""
+    return {cause.value: count for cause, count in dict(counts).items() if count}
+
+
+def _checked_poses(model: ShapeModel) -> Any:
+    def disk_poses(tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> Any:
+        return model.disk_poses(tensions, gravity=gravity, tip_force=tip_force)
+
+    return disk_poses

@@ -1,0 +1,86 @@
+"""A scene of boxes that answers as a collision scene does, and everything the search needs on top of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tdcr_planner.planning.edges import EdgeChecker
+from tdcr_planner.planning.scenario import Scenario
+from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.planning.validity import ValidityChecker, planning_margins
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
+
+
+@dataclass
+class BoxScene:
+    """Axis-aligned boxes against points on the rims and centres of all disks but the base, and between them."""
+
+    boxes: np.ndarray  # (b, 2, 3) lower and upper corner, m
+    margins: np.ndarray  # (d,) m
+    radii: np.ndarray  # (d,) m
+    asked: int = 0
+
+    def body_points(self, positions, rotations):
+        """Returns points (n, d - 1, 17, 3) on rims and centres."""
+        angle = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+        circle = np.stack([np.cos(angle), np.sin(angle), np.zeros(16)], axis=1)
+        circle = np.concatenate([circle, np.zeros((1, 3))])
+        offsets = self.radii[1:, None, None] * circle
+        return positions[:, 1:, None] + np.einsum("ndij,dkj->ndki", rotations[:, 1:], offsets)
+
+    def gaps(self, positions, rotations):
+        """Returns the distance of each disk from the nearest box, shape (n, d - 1), m."""
+        points = self.body_points(positions, rotations)
+        nearest = np.full(points.shape[:2], np.inf)
+        for lower, upper in self.boxes:
+            outside = np.maximum(np.maximum(lower - points, points - upper), 0.0)
+            nearest = np.minimum(nearest, np.linalg.norm(outside, axis=-1).min(axis=2))
+        return nearest
+
+    def check(self, positions, rotations):
+        assert np.isfinite(positions).all()
+        self.asked += len(positions)
+        return (self.gaps(positions, rotations) <= self.margins[1:]).any(axis=1).astype(np.int8)
+
+    def first_contact(self, positions, rotations):
+        gaps = self.gaps(positions[None], rotations[None])[0]
+        touching = np.flatnonzero(gaps <= self.margins[1:])
+        return None if not len(touching) else f"disk {touching[0] + 1} with box.stl"
+
+    def clearance(self, positions, rotations):
+        return self.gaps(positions, rotations).min(axis=1)
+
+
+@pytest.fixture
+def make_setup(make_scenario: Callable[..., Scenario]) -> Callable[..., SimpleNamespace]:
+    """Returns a function that builds a scenario's space, constant-curvature model, box scene and checkers."""
+
+    def make(
+        robot: str = "paper",
+        *,
+        boxes: Any = (),
+        planner: dict[str, Any] | None = None,
+        spec: RobotSpec | None = None,
+        model: Any = ConstantCurvatureShape,
+        **changes: Any,
+    ) -> SimpleNamespace:
+        settings = {"validity": "constant_curvature", **(planner or {})}
+        scenario = make_scenario(robot, planner=settings, **changes)
+        if spec is not None:
+            scenario = Scenario(scenario.path, scenario.sha256, scenario.file, spec)
+        space = ConfigurationSpace(scenario)
+        shape = model(scenario.robot)
+        corners = np.array(boxes, dtype=np.float64).reshape(-1, 2, 3)
+        scene = BoxScene(corners, planning_margins(scenario, shape), scenario.robot.disk_radii)
+        checker = ValidityChecker(space, shape, scene)
+        edges = EdgeChecker(checker, scenario.planner.step_m)
+        return SimpleNamespace(scenario=scenario, space=space, model=shape, scene=scene, checker=checker, edges=edges)
+
+    return make
