@@ -1,0 +1,240 @@
+"""The scene: whether, where and how closely the robot's body meets the meshes and itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.collision.body import RobotBody, place_solids
+from tdcr_planner.collision.clearance import clearances
+from tdcr_planner.collision.containment import make_side, wrong_part
+from tdcr_planner.collision.meshes import SceneMesh
+from tdcr_planner.collision.narrow import BodyObjects, MeshObject
+from tdcr_planner.collision.self_contact import make_self_pairs, near_pairs
+from tdcr_planner.errors import InputError
+
+Codes = NDArray[np.int8]
+MAX_SELF_PAIRS = 4096
+
+
+class Verdict(IntEnum):
+    """What a state's body does.
+
+    FREE: it touches nothing and is on the right side of every mesh. OBSTACLE: it touches an obstacle or is inside one.
+    CAVITY: it touches a cavity's wall or is outside of it. SELF: it touches itself. UNDEFINED: a pose is not finite.
+    """
+
+    FREE = 0
+    OBSTACLE = 1
+    CAVITY = 2
+    SELF = 3
+    UNDEFINED = 4
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The first contact of a state, tip first.
+
+    Attributes:
+        mesh: Name of the mesh, or "robot" for self-collision, or "" where a pose is not finite.
+        part: "disk 7", "gap 3" or "shaft"; two of them joined by " and " for self-collision.
+        triangle: Index into the mesh's faces; len(faces) and above for the flat cap of an opening; -1 where no
+            surface is touched (the part is on the wrong side, or touches the robot itself).
+        point: Where, shape (3,), m, world frame: on the surface, or the part's middle where none is touched.
+        verdict: What it means.
+    """
+
+    mesh: str
+    part: str
+    triangle: int
+    point: FloatArray
+    verdict: Verdict
+
+    def __str__(self) -> str:
+        """Returns a sentence for a message."""
+        place = "({:.4g}, {:.4g}, {:.4g}) m".format(*self.point)
+        if self.verdict is Verdict.SELF:
+            return f"{self.part} touch each other near {place}"
+        if self.verdict is Verdict.UNDEFINED:
+            return f"the pose of {self.part} is not finite"
+        if self.triangle >= 0:
+            return f"{self.part} touches {self.mesh} (triangle {self.triangle}) at {place}"
+        side = "inside of" if self.verdict is Verdict.OBSTACLE else "outside of"
+        return f"{self.part} is {side} {self.mesh} at {place}"
+
+
+def _mesh_verdict(mesh: SceneMesh) -> Verdict:
+    return Verdict.CAVITY if mesh.role == "cavity" else Verdict.OBSTACLE
+
+
+def _finite_rows(positions: FloatArray, rotations: FloatArray) -> BoolArray:
+    # A sum is finite only if every term is.
+    return np.asarray(np.isfinite(positions.sum(axis=(1, 2)) + rotations.sum(axis=(1, 2, 3))))
+
+
+class CollisionScene:
+    """The meshes of a scene and a robot's body among them.
+
+    A scene moves its own FCL objects, so one scene serves one thread at a time.
+
+    Attributes:
+        meshes: The meshes.
+        body: The body, grown by its margins.
+    """
+
+    def __init__(self, meshes: Sequence[SceneMesh], body: RobotBody) -> None:
+        """Builds what is needed to answer.
+
+        Args:
+            meshes: The meshes; none at all leaves only self-collision.
+            body: The body with its margins.
+        """
+        self.meshes = tuple(meshes)
+        self._mesh_objects = tuple(MeshObject(mesh) for mesh in self.meshes)
+        self._sides = tuple(make_side(mesh) for mesh in self.meshes)
+        self._set_body(body)
+
+    def _set_body(self, body: RobotBody) -> None:
+        self.body = body
+        self._objects = BodyObjects(body)
+        self._self_pairs = make_self_pairs(body)
+        self._near = np.zeros((MAX_SELF_PAIRS, 2), dtype=np.int64)
+        self._bare = body.with_margins(np.zeros(body.robot.disk_count)).arrays
+
+    def with_margins(self, margins: ArrayLike) -> CollisionScene:
+        """Returns the scene with the body grown by other margins, shape (d,), m; what was built is shared."""
+        scene = object.__new__(CollisionScene)
+        scene.__dict__.update(self.__dict__)
+        scene._set_body(self.body.with_margins(margins))
+        return scene
+
+    def check(self, positions: ArrayLike, rotations: ArrayLike) -> Codes:
+        """Returns the verdict on each state.
+
+        Args:
+            positions: Disk centres, shape (n, d, 3), m, world frame.
+            rotations: world_from_disk, shape (n, d, 3, 3).
+
+        Returns:
+            `Verdict` codes, shape (n,), int8. A state with several causes gets one of them.
+
+        Raises:
+            InputError: Wrong shapes. Poses that are not finite are no error but the verdict UNDEFINED.
+        """
+        points, frames = self._check_poses(positions, rotations)
+        codes = np.empty(len(points), dtype=np.int8)
+        finite = _finite_rows(points, frames)
+        for row in range(len(points)):
+            codes[row] = self._check_state(points[row], frames[row]) if finite[row] else Verdict.UNDEFINED
+        return codes
+
+    def _check_state(self, positions: FloatArray, rotations: FloatArray) -> Verdict:
+        self._objects.start(*place_solids(self.body.arrays, positions, rotations))
+        for solid in range(len(self.body.arrays.kind)):
+            for mesh, handle in zip(self.meshes, self._mesh_objects, strict=True):
+                if self._objects.touches(solid, handle):
+                    return _mesh_verdict(mesh)
+        for mesh, side in zip(self.meshes, self._sides, strict=True):
+            if wrong_part(side, self.body.arrays, positions, rotations) >= 0:
+                return _mesh_verdict(mesh)
+        return Verdict.SELF if self._self_contact(positions) is not None else Verdict.FREE
+
+    def first_contact(self, positions: ArrayLike, rotations: ArrayLike) -> Contact | None:
+        """Returns what one state's body meets first, tip first, or None where it is free.
+
+        Surfaces come before sides and these before self-collision, as FCL alone decides them: the field is not asked.
+
+        Args:
+            positions: Disk centres, shape (d, 3), m, world frame.
+            rotations: world_from_disk, shape (d, 3, 3).
+        """
+        points, frames = self._check_poses(np.asarray(positions)[None], np.asarray(rotations)[None])
+        point, frame = points[0], frames[0]
+        undefined = np.flatnonzero(~(np.isfinite(point).all(axis=1) & np.isfinite(frame).all(axis=(1, 2))))
+        if len(undefined):
+            disk = int(undefined[0])
+            return Contact("", f"disk {disk}", -1, point[disk], Verdict.UNDEFINED)
+        arrays = self.body.arrays
+        centres, axes, halves = place_solids(arrays, point, frame)
+        self._objects.start(centres, axes, halves)
+        for part, name in enumerate(self.body.part_names):
+            for solid in range(arrays.part_first[part], arrays.part_first[part + 1]):
+                for mesh, handle in zip(self.meshes, self._mesh_objects, strict=True):
+                    touch = self._objects.touch(solid, handle)
+                    if touch is not None:
+                        return Contact(mesh.name, name, touch.triangle, touch.point, _mesh_verdict(mesh))
+        for mesh, side in zip(self.meshes, self._sides, strict=True):
+            part = int(wrong_part(side, arrays, point, frame))
+            if part >= 0:
+                middle = centres[arrays.part_first[part]].copy()
+                return Contact(mesh.name, self.body.part_names[part], -1, middle, _mesh_verdict(mesh))
+        pair = self._self_contact(point)
+        if pair is not None:
+            names = f"{self.body.part_names[pair[0]]} and {self.body.part_names[pair[1]]}"
+            middle = centres[arrays.part_first[list(pair)]].mean(axis=0)
+            return Contact("robot", names, -1, middle, Verdict.SELF)
+        return None
+
+    def clearance(self, positions: ArrayLike, rotations: ArrayLike) -> FloatArray:
+        """Returns the distance of each state's body, without its margins, from the nearest surface.
+
+        Where the body touches a surface or is on its wrong side the number is negative: minus the depth of the deepest
+        of many balls inscribed in the body, a lower bound on how far it would have to move. Self-collision does not
+        count. Without meshes it is infinite.
+
+        Args:
+            positions: Disk centres, shape (n, d, 3), m, world frame.
+            rotations: world_from_disk, shape (n, d, 3, 3).
+
+        Returns:
+            Shape (n,), m; minus infinity where a pose is not finite.
+        """
+        points, frames = self._check_poses(positions, rotations)
+        finite = _finite_rows(points, frames)
+        best = np.full(len(points), np.inf)
+        for mesh, side in zip(self.meshes, self._sides, strict=True):
+            best_finite = best[finite]
+            clearances(mesh.wall_tree, side, self._bare, points[finite], frames[finite], best_finite)
+            best[finite] = best_finite
+        best[~finite] = -np.inf
+        return best
+
+    def _self_contact(self, positions: FloatArray) -> tuple[int, int] | None:
+        """Returns two parts that touch, or None; the state's solids must be placed."""
+        found = int(near_pairs(self._self_pairs, self.body.arrays, positions, self._near))
+        if found > len(self._near):
+            self._near = np.zeros((found, 2), dtype=np.int64)
+            near_pairs(self._self_pairs, self.body.arrays, positions, self._near)
+        first = self.body.arrays.part_first
+        disks = len(positions)
+        for k, j in self._near[:found].tolist():
+            own = (2 * (disks - 1 - k), 2 * (disks - 1 - k) + 1)
+            others = (2 * (disks - 1 - j), 2 * (disks - 1 - j) + 1) if j > 0 else (len(first) - 2,)
+            for one in own:
+                for other in others:
+                    if self._self_pairs.allowed[one, other] and self._parts_touch(one, other):
+                        return one, other
+        return None
+
+    def _parts_touch(self, one: int, other: int) -> bool:
+        first = self.body.arrays.part_first
+        return any(
+            self._objects.touches_solid(a, b)
+            for a in range(first[one], first[one + 1])
+            for b in range(first[other], first[other + 1])
+        )
+
+    def _check_poses(self, positions: ArrayLike, rotations: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        disks = self.body.robot.disk_count
+        points = np.ascontiguousarray(positions, dtype=np.float64)
+        frames = np.ascontiguousarray(rotations, dtype=np.float64)
+        if points.ndim != 3 or points.shape[1:] != (disks, 3):
+            raise InputError("positions", f"shape (n, {disks}, 3)", f"shape {points.shape}")
+        if frames.shape != (len(points), disks, 3, 3):
+            raise InputError("rotations", f"shape ({len(points)}, {disks}, 3, 3)", f"shape {frames.shape}")
+        return points, frames

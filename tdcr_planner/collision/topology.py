@@ -1,0 +1,262 @@
+"""The connectivity of a triangle mesh: clean faces, one orientation, connected pieces, boundary loops and caps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+
+# Corners nearer than this share of the mesh's diagonal are one vertex: single-precision files round at 6e-8.
+MERGE_SHARE = 2e-7
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A hole's rim: the boundary edges that hang together.
+
+    Attributes:
+        edges: Shape (e, 2), vertex indices, directed as in the face beside each edge.
+        faces: The face beside each edge, shape (e,).
+        piece: Connected piece of the mesh that the rim belongs to.
+        centre: Mean of the edges' midpoints, weighted by length, shape (3,), m.
+        diameter: Twice the largest distance of the rim from the centre, m.
+        normal: Unit normal of the plane of least squares, shape (3,).
+        flatness: Largest distance of the rim from that plane, m.
+        steepness: Mean angle between the plane and the faces beside it, 0 (the faces lie in the plane) to 1 (they
+            stand at right angles to it), weighted by edge length.
+    """
+
+    edges: IntArray
+    faces: IntArray
+    piece: int
+    centre: FloatArray
+    diameter: float
+    normal: FloatArray
+    flatness: float
+    steepness: float
+
+
+def clean_mesh(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Returns a mesh with coincident vertices merged and collapsed or repeated faces dropped.
+
+    Args:
+        vertices: Shape (v, 3), m.
+        faces: Shape (f, 3).
+    """
+    unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
+    faces = inverse.reshape(-1)[faces]
+    diagonal = float(np.linalg.norm(np.ptp(unique, axis=0))) if len(unique) else 0.0
+    pairs = (
+        cKDTree(unique).query_pairs(MERGE_SHARE * diagonal, output_type="ndarray") if len(unique) else np.empty((0, 2))
+    )
+    if len(pairs):
+        graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(unique), len(unique)))
+        faces = connected_components(graph, directed=False)[1][faces]
+        _, representative = np.unique(connected_components(graph, directed=False)[1], return_index=True)
+        unique = unique[representative]
+    distinct = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    faces = faces[distinct]
+    _, kept = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    faces = faces[np.sort(kept)]
+    used, compact = np.unique(faces, return_inverse=True)
+    return np.ascontiguousarray(unique[used]), np.ascontiguousarray(compact.reshape(-1, 3), dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A mesh whose faces are oriented alike within each piece, outward where a piece is closed.
+
+    Attributes:
+        faces: Shape (f, 3), reordered corners where a face had to be turned.
+        piece: Connected piece (by shared edges) of each face, shape (f,).
+        loops: The rims of its holes.
+        tangled: Shape (pieces,); true where a piece cannot be oriented: edges of three or more faces, or a one-sided
+            surface, leave its inside undefined.
+    """
+
+    faces: IntArray
+    piece: IntArray
+    loops: tuple[Loop, ...]
+    tangled: BoolArray
+
+
+def analyse(vertices: FloatArray, faces: IntArray) -> Surface:
+    """Returns the oriented surface of a clean mesh.
+
+    Args:
+        vertices: Shape (v, 3), m.
+        faces: Shape (f, 3).
+    """
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    owner = np.tile(np.arange(len(faces)), 3)
+    _, edge, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
+    edge = edge.reshape(-1)
+    order = np.argsort(edge, kind="stable")
+    start = np.concatenate([[0], np.cumsum(count)])
+    first, later = order[start[:-1]][edge], np.arange(len(edge))
+    graph = coo_matrix((np.ones(len(edge)), (owner[first], owner[later])), shape=(len(faces), len(faces)))
+    pieces, piece = connected_components(graph, directed=False)
+    twice = np.flatnonzero(count == 2)
+    pair = np.stack([order[start[twice]], order[start[twice] + 1]], axis=1)
+    same_way = directed[pair[:, 0], 0] == directed[pair[:, 1], 0]
+    flipped = _orient(len(faces), owner[pair], same_way)
+    oriented = np.where(flipped[:, None], faces[:, ::-1], faces)
+    turned = np.where(flipped[owner][:, None], directed[:, ::-1], directed)
+    tangled = np.zeros(pieces, dtype=np.bool_)
+    torn = pair[turned[pair[:, 0], 0] == turned[pair[:, 1], 0]]
+    tangled[piece[owner[torn[:, 0]]]] = True
+    balance = np.zeros(len(count), dtype=np.int64)
+    np.add.at(balance, edge, np.where(turned[:, 0] < turned[:, 1], 1, -1))
+    branching = (count > 2) & (balance != 0)
+    tangled[piece[owner[order[start[:-1][branching]]]]] = True
+    single = order[start[:-1][count == 1]]
+    loops = _loops(vertices, oriented, turned[single], owner[single], piece)
+    outward = _point_outward(vertices, oriented, piece, pieces, loops)
+    final = tuple(
+        Loop(
+            loop.edges if outward[loop.piece] else np.ascontiguousarray(loop.edges[:, ::-1]),
+            *(
+                getattr(loop, name)
+                for name in ("faces", "piece", "centre", "diameter", "normal", "flatness", "steepness")
+            ),
+        )
+        for loop in loops
+    )
+    oriented = np.where(outward[piece][:, None], oriented, oriented[:, ::-1])
+    return Surface(np.ascontiguousarray(oriented, dtype=np.int64), piece.astype(np.int64), final, tangled)
+
+
+@njit(cache=True, nogil=True)
+def _orient(total, pair, same_way):  # type: ignore[no-untyped-def]
+    """Returns which faces to turn so that neighbours run their shared edge in opposite directions."""
+    degree = np.zeros(total + 1, np.int64)
+    for k in range(len(pair)):
+        degree[pair[k, 0] + 1] += 1
+        degree[pair[k, 1] + 1] += 1
+    start = np.cumsum(degree)
+    place = start.copy()
+    neighbour = np.empty(2 * len(pair), np.int64)
+    link = np.empty(2 * len(pair), np.int64)
+    for k in range(len(pair)):
+        for side in range(2):
+            f = pair[k, side]
+            neighbour[place[f]] = pair[k, 1 - side]
+            link[place[f]] = k
+            place[f] += 1
+    flipped = np.zeros(total, np.bool_)
+    seen = np.zeros(total, np.bool_)
+    queue = np.empty(total, np.int64)
+    for seed in range(total):
+        if seen[seed]:
+            continue
+        seen[seed] = True
+        queue[0] = seed
+        head, tail = 0, 1
+        while head < tail:
+            f = queue[head]
+            head += 1
+            for i in range(start[f], start[f + 1]):
+                other = neighbour[i]
+                if not seen[other]:
+                    seen[other] = True
+                    flipped[other] = flipped[f] != same_way[link[i]]
+                    queue[tail] = other
+                    tail += 1
+    return flipped
+
+
+def _loops(
+    vertices: FloatArray, faces: IntArray, edges: IntArray, beside: IntArray, piece: IntArray
+) -> tuple[Loop, ...]:
+    if not len(edges):
+        return ()
+    used, compact = np.unique(edges, return_inverse=True)
+    compact = compact.reshape(-1, 2)
+    graph = coo_matrix((np.ones(len(edges)), (compact[:, 0], compact[:, 1])), shape=(len(used), len(used)))
+    label = connected_components(graph, directed=False)[1][compact[:, 0]]
+    return tuple(
+        _describe_loop(vertices, faces, edges[label == k], beside[label == k], piece) for k in range(label.max() + 1)
+    )
+
+
+def _describe_loop(vertices: FloatArray, faces: IntArray, edges: IntArray, beside: IntArray, piece: IntArray) -> Loop:
+    ends = vertices[edges]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    centre = np.average(ends.mean(axis=1), axis=0, weights=length)
+    rim = vertices[np.unique(edges)] - centre
+    normal = np.linalg.svd(rim, full_matrices=True)[2][2]
+    corners = vertices[faces[beside]]
+    face_normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(face_normal, axis=1)
+    cosine = np.abs(face_normal @ normal) / np.where(size > 0.0, size, 1.0)
+    steepness = float(np.average(np.arccos(np.clip(cosine, 0.0, 1.0)) / (np.pi / 2.0), weights=length))
+    return Loop(
+        edges=edges,
+        faces=beside,
+        piece=int(piece[beside[0]]),
+        centre=centre,
+        diameter=2.0 * float(np.linalg.norm(rim, axis=1).max()),
+        normal=normal,
+        flatness=float(np.abs(rim @ normal).max()),
+        steepness=steepness,
+    )
+
+
+def fan_cap(loop: Loop, centre_index: int) -> IntArray:
+    """Returns triangles from a rim to one vertex, shape (e, 3), oriented like the faces beside it."""
+    return np.stack([loop.edges[:, 1], loop.edges[:, 0], np.full(len(loop.edges), centre_index)], axis=1)
+
+
+def signed_volumes(
+    vertices: FloatArray, faces: IntArray, piece: IntArray, pieces: int, loops: tuple[Loop, ...]
+) -> FloatArray:
+    """Returns the volume of each piece with its rims capped, shape (pieces,), m^3, positive if it is outward."""
+    origin = vertices.mean(axis=0)
+    corners = vertices[faces] - origin
+    signed = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    volume = np.zeros(pieces)
+    np.add.at(volume, piece, signed)
+    for loop in loops:
+        ends = vertices[loop.edges] - origin
+        tip = loop.centre - origin
+        volume[loop.piece] += float((np.cross(ends[:, 1], ends[:, 0]) @ tip).sum()) / 6.0
+    return volume
+
+
+def _point_outward(
+    vertices: FloatArray, faces: IntArray, piece: IntArray, pieces: int, loops: tuple[Loop, ...]
+) -> BoolArray:
+    """Returns which pieces to keep as they are so that the outermost ones enclose a positive volume.
+
+    A piece inside another one keeps its orientation relative to the file's majority: a shell turned inward inside a
+    shell turned outward is a hollow, and stays one.
+    """
+    volume = signed_volumes(vertices, faces, piece, pieces, loops)
+    negative = volume < 0.0
+    if pieces == 1 or not negative.any():
+        return ~negative
+    order = np.argsort(-np.abs(volume))
+    lower = np.empty((pieces, 3))
+    upper = np.empty((pieces, 3))
+    for axis in range(3):
+        values = vertices[faces][:, :, axis]
+        lower[:, axis] = np.inf
+        upper[:, axis] = -np.inf
+        np.minimum.at(lower[:, axis], piece, values.min(axis=1))
+        np.maximum.at(upper[:, axis], piece, values.max(axis=1))
+    flip = np.zeros(pieces, dtype=np.bool_)
+    for rank, index in enumerate(order):
+        around = [
+            outer
+            for outer in order[:rank]
+            if (lower[outer] <= lower[index]).all() and (upper[outer] >= upper[index]).all()
+        ]
+        # The smallest box around it is the shell that it is nested in; it turns with that shell.
+        flip[index] = flip[around[-1]] if around else negative[index]
+    return ~flip
