@@ -1,0 +1,57 @@
+"""tdcr view: the moving picture of a result or a scenario, written and opened in a browser."""
+
+from __future__ import annotations
+
+import os
+import sys
+import webbrowser
+from pathlib import Path
+
+import tyro
+
+
+def view(file: tyro.conf.Positional[Path], *, out: Path | None = None, open_browser: bool = True) -> int:
+    """Write the HTML of a result or a scenario and open it in a browser.
+
+    Example: tdcr view out/elbow/result.json
+
+    Exit code 1 when the page was written and no browser could be opened.
+
+    Args:
+        file: The result.json of `tdcr plan` (or its folder), or a scenario (.toml).
+        out: Where to write the page; path.html beside the result or, for a scenario NAME.toml, NAME.html here.
+        open_browser: Open the page when it is written.
+    """
+    from tdcr_planner.errors import FormatError
+    from tdcr_planner.files import write_file_whole
+    from tdcr_planner.planning.scenario import load_scenario
+    from tdcr_planner.report.picture import gather_picture, gather_scenario_picture
+    from tdcr_planner.report.results import read_result
+    from tdcr_planner.report.scene_html import write_html
+
+    if file.suffix == ".toml":
+        picture = gather_scenario_picture(load_scenario(file))
+        page = out or Path(f"{file.stem}.html")
+    elif file.suffix == ".json" or file.is_dir():
+        picture = gather_picture(read_result(file))
+        page = out or (file if file.is_dir() else file.parent) / "path.html"
+    else:
+        raise FormatError(file, f"expected a result (.json) or a scenario (.toml), got {file.suffix or 'no ending'!r}")
+    with write_file_whole(page) as temporary:
+        write_html(picture, temporary)
+    print(page)
+    if open_browser and not open_page(page):
+        print("no browser could be opened here; open that file in one", file=sys.stderr)
+        return 1
+    return 0
+
+
+def open_page(page: Path) -> bool:
+    """Opens a page in the user's browser; false where there is none or no display to show it."""
+    shown_by = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in shown_by):
+        return False
+    try:
+        return webbrowser.open(page.resolve().as_uri())
+    except webbrowser.Error:
+        return False

@@ -1,0 +1,225 @@
+"""What every picture of a result or a scenario shows, gathered once: meshes, shapes, goals, and numbers along time."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.planning.scenario import Scenario
+from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.se3 import transform_points
+
+if TYPE_CHECKING:
+    from tdcr_planner.session import PlanResult
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class DisplayMesh:
+    """A mesh of the scene.
+
+    Attributes:
+        name: What the file is called.
+        role: "cavity" or "obstacle".
+        vertices: Shape (v, 3), m, world frame.
+        faces: Shape (f, 3).
+    """
+
+    name: str
+    role: str
+    vertices: FloatArray
+    faces: IntArray
+
+
+@dataclass(frozen=True)
+class GoalMark:
+    """A goal of the scenario.
+
+    Attributes:
+        position: Where the tip is to be, shape (3,), m, world frame.
+        tolerance: Largest distance from it, m; 0 for a goal that is a configuration.
+        direction: Where the tip is to look, shape (3,), or None for any direction.
+    """
+
+    position: FloatArray
+    tolerance: float
+    direction: FloatArray | None
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A scene with a robot in k states.
+
+    Attributes:
+        title: What the scenario is called.
+        status: How the query ended, or "scenario" for a scenario alone.
+        message: The same for a person.
+        scenario: The query.
+        meshes: The scene.
+        goals: The goals whose place is known.
+        times: Shape (k,), s.
+        positions: Disk centres, shape (k, d, 3), m, world frame; NaN where no shape is known.
+        rotations: world_from_disk, shape (k, d, 3, 3).
+        model_positions: Disk centres by the shape model, shape (k, d, 3), or None.
+        model_name: Which model the search asked.
+        tensions: Shape (k, t), N.
+        insertion: Shape (k,), m.
+        roll: Shape (k,), rad.
+        clearance: Shape (k,), m; NaN where it is not known.
+        deviation: Between reference and shape model, shape (k,), m; NaN where it is not known.
+        has_path: False when the only state is the start.
+    """
+
+    title: str
+    status: str
+    message: str
+    scenario: Scenario
+    meshes: tuple[DisplayMesh, ...]
+    goals: tuple[GoalMark, ...]
+    times: FloatArray
+    positions: FloatArray
+    rotations: FloatArray
+    model_positions: FloatArray | None
+    model_name: str
+    tensions: FloatArray
+    insertion: FloatArray
+    roll: FloatArray
+    clearance: FloatArray
+    deviation: FloatArray
+    has_path: bool
+
+    @property
+    def robot(self) -> RobotSpec:
+        """The scenario's robot."""
+        return self.scenario.robot
+
+    @property
+    def required_clearance(self) -> float:
+        """Clearance that the scenario asks for, m."""
+        return self.scenario.planner.clearance_m
+
+    @property
+    def known(self) -> BoolArray:
+        """Which states have a shape to draw, shape (k,)."""
+        placed = np.isfinite(self.positions).all(axis=(1, 2))
+        return np.asarray(placed & np.isfinite(self.rotations).all(axis=(1, 2, 3)))
+
+    @property
+    def worst_state(self) -> int | None:
+        """Index of the state of least clearance, or None when no clearance is known."""
+        return int(np.nanargmin(self.clearance)) if np.isfinite(self.clearance).any() else None
+
+
+def gather_picture(result: PlanResult) -> Picture:
+    """Returns what a picture of a result shows; without a path, the scene with start and goal."""
+    path, report = result.path, result.verification
+    if path is None or len(path) == 0:
+        return gather_scenario_picture(result.scenario, result.status.value, result.message)
+    robot, count = result.scenario.robot, len(path)
+    unknown = np.full(count, np.nan)
+    return Picture(
+        title=_title(result.scenario),
+        status=result.status.value,
+        message=result.message,
+        scenario=result.scenario,
+        meshes=load_display_meshes(result.scenario),
+        goals=_goal_marks(result.scenario),
+        times=path.times,
+        positions=np.full((count, robot.disk_count, 3), np.nan) if report is None else report.positions,
+        rotations=np.full((count, robot.disk_count, 3, 3), np.nan) if report is None else report.rotations,
+        model_positions=None if report is None else report.model_positions,
+        model_name=result.scenario.planner.validity,
+        tensions=path.tensions,
+        insertion=path.insertion,
+        roll=path.roll,
+        clearance=unknown if report is None else report.clearance,
+        deviation=unknown if report is None else report.deviation,
+        has_path=True,
+    )
+
+
+def gather_scenario_picture(scenario: Scenario, status: str = "scenario", message: str = "") -> Picture:
+    """Returns what a picture of a scenario shows: the scene, the robot in its start state, and the goals."""
+    space = ConfigurationSpace(scenario)
+    start = scenario.file.start
+    row = space.row(start.bending_n, start.insertion_m, start.roll_deg)[None]
+    positions, rotations = reference_shapes(scenario, row)
+    unknown = np.full(1, np.nan)
+    return Picture(
+        title=_title(scenario),
+        status=status,
+        message=message,
+        scenario=scenario,
+        meshes=load_display_meshes(scenario),
+        goals=_goal_marks(scenario),
+        times=np.zeros(1),
+        positions=positions,
+        rotations=rotations,
+        model_positions=None,
+        model_name=scenario.planner.validity,
+        tensions=space.actuate(row).tensions,
+        insertion=space.insertion(row),
+        roll=space.roll(row),
+        clearance=unknown,
+        deviation=unknown,
+        has_path=False,
+    )
+
+
+def reference_shapes(scenario: Scenario, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns disk poses in the world frame by the Cosserat reference, NaN where it found none.
+
+    Args:
+        scenario: Robot, loads and base.
+        rows: Configurations, shape (n, dimension).
+
+    Returns:
+        Positions, shape (n, d, 3), m, and rotations, shape (n, d, 3, 3).
+    """
+    from tdcr_planner.shape.reference import ReferenceShape
+
+    actuation = ConfigurationSpace(scenario).actuate(rows)
+    poses = ReferenceShape(scenario.robot).disk_poses(
+        actuation.tensions, gravity=actuation.gravity, tip_force=actuation.tip_force
+    )
+    positions = transform_points(actuation.base_rotations, actuation.base_positions, poses.positions)
+    rotations = actuation.base_rotations[:, None] @ poses.rotations
+    positions[~poses.solved] = np.nan
+    rotations[~poses.solved] = np.nan
+    return positions, rotations
+
+
+def load_display_meshes(scenario: Scenario) -> tuple[DisplayMesh, ...]:
+    """Returns the meshes of a scenario in metres and in the world frame."""
+    from tdcr_planner.session import load_scene_meshes
+
+    return tuple(DisplayMesh(mesh.name, mesh.role, mesh.vertices, mesh.faces) for mesh in load_scene_meshes(scenario))
+
+
+def _title(scenario: Scenario) -> str:
+    return scenario.file.title or scenario.path.stem.removeprefix("scenario_").replace("_", " ")
+
+
+def _goal_marks(scenario: Scenario) -> tuple[GoalMark, ...]:
+    marks = []
+    space = ConfigurationSpace(scenario)
+    for goal in scenario.goals:
+        if goal.tip_position_m is not None:
+            direction = None
+            if goal.view_direction is not None:
+                direction = np.asarray(goal.view_direction) / np.linalg.norm(goal.view_direction)
+            marks.append(GoalMark(np.asarray(goal.tip_position_m), goal.tip_tolerance_m, direction))
+        elif goal.bending_n is not None:
+            row = space.row(goal.bending_n, goal.insertion_m, goal.roll_deg)[None]
+            positions, _ = reference_shapes(scenario, row)
+            if np.isfinite(positions).all():
+                marks.append(GoalMark(positions[0, -1], 0.0, None))
+            else:
+                _log.warning("%s: the reference finds no shape for a goal; it is not drawn", scenario.path)
+    return tuple(marks)

@@ -1,0 +1,424 @@
+"""The result folder: result.json, trajectory.csv, shapes.npz and the pictures, written together and read back."""
+
+from __future__ import annotations
+
+import csv
+import json
+import logging
+import math
+import os
+import zipfile
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from tdcr_planner.arrays import FloatArray
+from tdcr_planner.errors import FormatError
+from tdcr_planner.files import FileModel, parse_table, read_json, sha256_of_file, write_folder_whole
+from tdcr_planner.planning.path import TensionPath
+from tdcr_planner.planning.scenario import PlannerSettings, Scenario, load_scenario
+from tdcr_planner.session import PlanResult, PlanStatus
+from tdcr_planner.verification import VerificationReport
+
+RESULT_FORMAT = "tdcr-result/1"
+RESULT_FILES = ("path.html", "path.png", "result.json", "shapes.npz", "trajectory.csv")
+
+_log = logging.getLogger(__name__)
+_Number = float | None
+_Row = list[_Number]
+
+
+class _PathTable(FileModel):
+    """The states of a path, k rows each; keys carry the units."""
+
+    bending_n: list[list[tuple[float, float]]]
+    insertion_m: list[float]
+    roll_deg: list[float]
+    tensions_n: list[list[float]]
+    tendon_displacement_m: list[_Row]
+    tip_position_m: list[_Row]
+    time_s: list[float]
+
+
+class _Worst(FileModel):
+    """The worst values over the states; null where nothing is known."""
+
+    residual_nm: _Number
+    deviation_m: _Number
+    clearance_m: _Number
+
+
+class _VerificationTable(FileModel):
+    """What the reference says of the path, with one entry a state in the arrays."""
+
+    verified: bool
+    message: str
+    states: int
+    cause: str
+    worst_state: int
+    worst: _Worst
+    repairs: int
+    converged: list[bool]
+    in_limits: list[bool]
+    residual_nm: _Row
+    deviation_m: _Row
+    clearance_m: _Row
+
+
+class _ResultFile(FileModel):
+    """The content of result.json."""
+
+    format: Literal["tdcr-result/1"]
+    status: PlanStatus
+    message: str
+    scenario: str
+    scenario_absolute: str
+    scenario_sha256: str
+    inputs_sha256: dict[str, str]
+    hashes: dict[str, str]
+    versions: dict[str, str]
+    seed: int
+    timings_s: dict[str, float]
+    planner: dict[str, Any]
+    path: _PathTable | None
+    verification: _VerificationTable | None
+    shapes_sha256: str
+
+
+def write_result(result: PlanResult, folder: str | Path) -> Path:
+    """Writes a result as result.json, trajectory.csv, shapes.npz, path.png and path.html: all of them or none.
+
+    Args:
+        result: The answer to a query; path and verification may be missing.
+        folder: Where to write; made when missing. Files of an earlier result are replaced.
+
+    Returns:
+        The path of result.json.
+
+    Raises:
+        FormatError: The folder cannot be written.
+    """
+    from tdcr_planner.report.picture import gather_picture
+    from tdcr_planner.report.scene_html import write_html
+    from tdcr_planner.report.scene_png import write_png
+
+    target = Path(folder).resolve()
+    picture = gather_picture(result)
+    with write_folder_whole(target) as staging:
+        write_shapes(result, staging / "shapes.npz")
+        write_trajectory_csv(result, staging / "trajectory.csv")
+        write_png(picture, staging / "path.png")
+        write_html(picture, staging / "path.html")
+        content = result_content(result, target)
+        content["shapes_sha256"] = sha256_of_file(staging / "shapes.npz")
+        text = json.dumps(content, indent=1, allow_nan=False)
+        (staging / "result.json").write_text(text + "\n", encoding="utf-8")
+    return target / "result.json"
+
+
+def result_content(result: PlanResult, folder: Path) -> dict[str, Any]:
+    """Returns what result.json holds (shapes_sha256 excepted), with null for every number that is not finite.
+
+    Args:
+        result: The answer to a query.
+        folder: The folder that the scenario's path is written relative to.
+    """
+    scenario = result.scenario
+    content = {
+        "format": RESULT_FORMAT,
+        "status": result.status.value,
+        "message": result.message,
+        "scenario": _relative(scenario.path, folder),
+        "scenario_absolute": str(scenario.path),
+        "scenario_sha256": scenario.sha256,
+        "inputs_sha256": _input_hashes(scenario),
+        "hashes": {"scenario": scenario.sha256, "robot": scenario.robot.mechanics_hash, **result.hashes},
+        "versions": result.versions,
+        "seed": result.seed,
+        "timings_s": result.timings_s,
+        "planner": {
+            "name": scenario.planner.name,
+            **result.planner,
+            "settings": scenario.planner.model_dump(mode="json"),
+        },
+        "path": None if result.path is None else _path_content(result.path),
+        "verification": None
+        if result.verification is None
+        else _verification_content(result.verification, result.repairs),
+    }
+    plain = _plain(content)
+    assert isinstance(plain, dict)  # a dictionary stays one
+    return plain
+
+
+def _relative(path: Path, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # another drive has no relative path
+        return str(path)
+
+
+def _input_hashes(scenario: Scenario) -> dict[str, str]:
+    """SHA-256 of the files that decide what a path means: the robot and the meshes."""
+    files = {"robot": scenario.resolve(scenario.file.robot)}
+    for index, mesh in enumerate(scenario.file.meshes):
+        files[f"meshes[{index + 1}].file"] = scenario.resolve(mesh.file)
+    return {place: sha256_of_file(file) for place, file in files.items()}
+
+
+def _path_content(path: TensionPath) -> dict[str, Any]:
+    return {
+        "bending_n": path.bending,
+        "insertion_m": path.insertion,
+        "roll_deg": np.rad2deg(path.roll),
+        "tensions_n": path.tensions,
+        "tendon_displacement_m": path.tendon_displacements,
+        "tip_position_m": path.tip_positions,
+        "time_s": path.times,
+    }
+
+
+def _verification_content(report: VerificationReport, repairs: int) -> dict[str, Any]:
+    return {
+        "verified": report.verified,
+        "message": report.message,
+        "states": report.states,
+        "cause": report.cause,
+        "worst_state": report.worst_state,
+        "worst": report.worst,
+        "repairs": repairs,
+        "converged": report.converged,
+        "in_limits": report.in_limits,
+        "residual_nm": report.residual,
+        "deviation_m": report.deviation,
+        "clearance_m": report.clearance,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Returns a value as JSON has it: arrays as lists, numbers that are not finite as None."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def trajectory_table(result: PlanResult) -> tuple[list[str], FloatArray]:
+    """Returns the columns of the trajectory, units in their names, and its rows, shape (k, columns)."""
+    robot = result.scenario.robot
+    names = ["time_s", "insertion_m", "roll_deg"]
+    names += [f"bending_{segment + 1}_{axis}_n" for segment in range(robot.segment_count) for axis in "xy"]
+    names += [f"tension_{tendon + 1}_n" for tendon in range(robot.tendon_count)]
+    names += [f"tendon_displacement_{tendon + 1}_m" for tendon in range(robot.tendon_count)]
+    names += ["tip_x_m", "tip_y_m", "tip_z_m"]
+    path = result.path
+    if path is None:
+        return names, np.zeros((0, len(names)))
+    columns = [
+        path.times[:, None],
+        path.insertion[:, None],
+        np.rad2deg(path.roll)[:, None],
+        path.bending.reshape(len(path), -1),
+        path.tensions,
+        path.tendon_displacements,
+        path.tip_positions,
+    ]
+    return names, np.concatenate(columns, axis=1)
+
+
+def write_trajectory_csv(result: PlanResult, file: str | Path) -> None:
+    """Writes trajectory.csv: a header with units, then a row a state; a result without a path has the header alone.
+
+    A number that is not known is an empty field.
+    """
+    names, rows = trajectory_table(result)
+    with Path(file).open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([repr(value) if math.isfinite(value) else "" for value in row] for row in rows.tolist())
+
+
+def write_shapes(result: PlanResult, file: str | Path) -> None:
+    """Writes shapes.npz: every verified state's disk poses in the world frame; zero states without a verification.
+
+    Its arrays: `arc_lengths_m` (d,), `time_s` (k,), `converged` (k,), `positions_m` (k, d, 3), `rotations`
+    (k, d, 3, 3) world_from_disk, and `model_positions_m` (k, d, 3) of the shape model where one was compared.
+    """
+    report, robot = result.verification, result.scenario.robot
+    count = robot.disk_count
+    arrays = {
+        "arc_lengths_m": robot.arc_lengths,
+        "time_s": np.zeros(0) if result.path is None else result.path.times,
+        "converged": np.zeros(0, dtype=np.bool_) if report is None else report.converged,
+        "positions_m": np.zeros((0, count, 3)) if report is None else report.positions,
+        "rotations": np.zeros((0, count, 3, 3)) if report is None else report.rotations,
+    }
+    if report is not None and report.model_positions is not None:
+        arrays["model_positions_m"] = report.model_positions
+    np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def read_result(path: str | Path) -> PlanResult:
+    """Returns a result that `write_result` wrote, with its scenario loaded again.
+
+    Where shapes.npz is missing, a warning is logged and the poses of the verification are NaN: the path and what the
+    reference said of it stand in result.json.
+
+    Args:
+        path: result.json, or the folder that holds it.
+
+    Raises:
+        FormatError: The file is missing, truncated, of another format or lacks a key; shapes.npz belongs to another
+            result; or the scenario, its robot or a mesh is gone or has changed since, so that the path would be
+            judged against something that it was not planned for.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / "result.json"
+    content = read_json(file)
+    _check_format(content, file)
+    table = parse_table(_ResultFile, content, file)
+    scenario = _find_scenario(table, file)
+    planner = dict(table.planner)
+    settings = parse_table(PlannerSettings, planner.pop("settings", {}), file)
+    scenario = scenario.with_planner(**settings.model_dump())
+    tension_path = None if table.path is None else _read_path(table.path, scenario, file)
+    report = None
+    if table.verification is not None:
+        if tension_path is None:
+            raise FormatError(file, "there is a verification without a path", "path")
+        report = _read_verification(table, len(tension_path), scenario, file)
+    return PlanResult(
+        status=table.status,
+        message=table.message,
+        scenario=scenario,
+        seed=table.seed,
+        path=tension_path,
+        verification=report,
+        repairs=0 if table.verification is None else table.verification.repairs,
+        timings_s=table.timings_s,
+        planner=planner,
+        hashes=table.hashes,
+        versions=table.versions,
+    )
+
+
+def _check_format(content: dict[str, Any], file: Path) -> None:
+    if "format" not in content:
+        raise FormatError(file, f"missing; expected {RESULT_FORMAT!r}: is this a result of `tdcr plan`?", "format")
+    if content["format"] != RESULT_FORMAT:
+        raise FormatError(
+            file, f"expected {RESULT_FORMAT!r}, got {content['format']!r}; plan again with `tdcr plan`", "format"
+        )
+
+
+def _find_scenario(table: _ResultFile, file: Path) -> Scenario:
+    """Loads the scenario that the result was planned for; a changed one, or a changed input of it, is refused."""
+    candidates = [(file.resolve().parent / table.scenario).resolve(), Path(table.scenario_absolute)]
+    present = [candidate for candidate in candidates if candidate.is_file()]
+    if not present:
+        tried = " or ".join(dict.fromkeys(str(candidate) for candidate in candidates))
+        raise FormatError(file, f"no such file: {tried}; put the scenario back or plan it again", "scenario")
+    same = [candidate for candidate in present if sha256_of_file(candidate) == table.scenario_sha256]
+    if not same:
+        raise FormatError(
+            file,
+            f"{present[0]} has changed since this result was written, and the path was planned for what it held then; "
+            "plan it again with `tdcr plan`, or restore the scenario",
+            "scenario_sha256",
+        )
+    scenario = load_scenario(same[0])
+    for place, digest in _input_hashes(scenario).items():
+        if table.inputs_sha256.get(place) != digest:
+            raise FormatError(
+                file,
+                f"the file that {same[0]} names as {place} has changed since this result was written; "
+                "plan it again with `tdcr plan`, or restore that file",
+                f"inputs_sha256.{place}",
+            )
+    return scenario
+
+
+def _read_array(value: Any, shape: tuple[int, ...], file: Path, place: str) -> FloatArray:
+    """Returns lists of numbers (null for NaN) as an array of the given shape, or raises FormatError."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except ValueError as error:
+        raise FormatError(file, "expected rows of equal length", place) from error
+    if array.size == 0 == math.prod(shape):
+        return np.zeros(shape)
+    if array.shape != shape:
+        raise FormatError(file, f"expected shape {shape}, got {array.shape}", place)
+    return array
+
+
+def _read_path(table: _PathTable, scenario: Scenario, file: Path) -> TensionPath:
+    robot, count = scenario.robot, len(table.insertion_m)
+
+    def read(key: str, *shape: int) -> FloatArray:
+        return _read_array(getattr(table, key), (count, *shape), file, f"path.{key}")
+
+    return TensionPath(
+        bending=read("bending_n", robot.segment_count, 2),
+        insertion=read("insertion_m"),
+        roll=np.deg2rad(read("roll_deg")),
+        tensions=read("tensions_n", robot.tendon_count),
+        tendon_displacements=read("tendon_displacement_m", robot.tendon_count),
+        tip_positions=read("tip_position_m", 3),
+        times=read("time_s"),
+    )
+
+
+def _read_verification(table: _ResultFile, count: int, scenario: Scenario, file: Path) -> VerificationReport:
+    verification = table.verification
+    assert verification is not None  # the caller has looked
+
+    def read(key: str) -> FloatArray:
+        return _read_array(getattr(verification, key), (count,), file, f"verification.{key}")
+
+    shapes = _read_shapes(file.with_name("shapes.npz"), table.shapes_sha256, count, scenario.robot.disk_count)
+    return VerificationReport(
+        verified=verification.verified,
+        message=verification.message,
+        converged=read("converged").astype(np.bool_),
+        residual=read("residual_nm"),
+        deviation=read("deviation_m"),
+        clearance=read("clearance_m"),
+        in_limits=read("in_limits").astype(np.bool_),
+        positions=shapes["positions_m"],
+        rotations=shapes["rotations"],
+        model_positions=shapes.get("model_positions_m"),
+        cause=verification.cause,
+        worst_state=verification.worst_state,
+    )
+
+
+def _read_shapes(file: Path, digest: str, count: int, disks: int) -> dict[str, FloatArray]:
+    """Returns the poses of shapes.npz, or NaN poses with a warning where the file is missing."""
+    if not file.exists():
+        _log.warning("%s: no such file; shapes are left out", file)
+        return {
+            "positions_m": np.full((count, disks, 3), np.nan),
+            "rotations": np.full((count, disks, 3, 3), np.nan),
+        }
+    if sha256_of_file(file) != digest:
+        raise FormatError(file, "belongs to another result than the result.json beside it, or is damaged")
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            shapes = {name: archive[name] for name in archive.files}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise FormatError(file, f"cannot be read: {error}") from error
+    for name, shape in (("positions_m", (count, disks, 3)), ("rotations", (count, disks, 3, 3))):
+        if name not in shapes or shapes[name].shape != shape:
+            raise FormatError(file, f"expected shape {shape}", name)
+    return shapes
