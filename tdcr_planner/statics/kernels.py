@@ -489,6 +489,7 @@ def sweep(
     end_moment: FloatArray,
     angle: FloatArray,
     moment: FloatArray,
+    record: FloatArray,
 ) -> tuple[bool, bool]:
     """Integrates the rod from base to tip for a given moment at the base.
 
@@ -506,6 +507,8 @@ def sweep(
         end_moment: M(l), shape (3,), N m; written.
         angle: d theta(l) / d M(0), shape (3, 3); written.
         moment: d M(l) / d M(0), shape (3, 3); written.
+        record: Load (6), strain (6) and rotation (9) at each Runge-Kutta stage, shape (c, 4, 21); written. Shape
+            (0, 4, 21) keeps no record.
 
     Returns:
         Whether every cross-section was solved, and whether no conjugate point was met (true without variations).
@@ -562,6 +565,14 @@ def sweep(
             fresh = stage == 1 or (stage == 0 and enters)
             if not solve_strain(load, strain, stiffness, rest, rod.offsets, tau, first, inverse, fresh, length):
                 return False, False
+            if record.shape[0] > 0:
+                record[c, stage, :6] = load
+                record[c, stage, 6:12] = strain
+                for i in range(3):
+                    for j in range(3):
+                        record[c, stage, 12 + 3 * i + j] = (
+                            R[i, j] if stage == 0 else R[i, 0] * Q[0, j] + R[i, 1] * Q[1, j] + R[i, 2] * Q[2, j]
+                        )
             if stage == 0:
                 for j in range(3):
                     slope[j] = strain[3 + j]
@@ -650,8 +661,8 @@ def newton(
     """
     end, trial_end, trial = np.empty(3), np.empty(3), np.empty(3)
     angle, moment, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    delta = np.empty(3)
-    ok, stable = sweep(rod, tau, forces, weights, base_moment, True, positions, rotations, end, angle, moment)
+    delta, record = np.empty(3), np.empty((0, 4, 21))
+    ok, stable = sweep(rod, tau, forces, weights, base_moment, True, positions, rotations, end, angle, moment, record)
     sweeps = 1
     if not ok:
         return False, np.inf, sweeps, False
@@ -668,7 +679,9 @@ def newton(
             size += delta[i] ** 2
         if not size < LARGEST_MOMENT:
             return False, residual, sweeps, False
-        ok, stable = sweep(rod, tau, forces, weights, trial, True, positions, rotations, trial_end, angle, moment)
+        ok, stable = sweep(
+            rod, tau, forces, weights, trial, True, positions, rotations, trial_end, angle, moment, record
+        )
         sweeps += 1
         if not ok:
             return False, residual, sweeps, False
@@ -707,9 +720,11 @@ def follow_branch(
     """
     count = forces.shape[0]
     scaled_forces, scaled_weights, scaled_tip = np.zeros_like(forces), np.zeros_like(weights), np.zeros(3)
-    end, angle, moment = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    end, angle, moment, record = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty((0, 4, 21))
     tangent, last, guess = np.zeros(3), np.zeros(3), np.zeros(3)
-    ok, _ = sweep(rod, tau, scaled_forces, scaled_weights, last, False, positions, rotations, end, angle, moment)
+    ok, _ = sweep(
+        rod, tau, scaled_forces, scaled_weights, last, False, positions, rotations, end, angle, moment, record
+    )
     sweeps = 1
     if not ok:
         return NOT_CONVERGED, np.inf, sweeps, 0.0
@@ -866,3 +881,147 @@ def load_profile(
         largest = max(largest, size)
     moment = np.sqrt(tip_moment[0] ** 2 + tip_moment[1] ** 2 + tip_moment[2] ** 2)
     return np.sqrt(largest) * rod.length[0] + moment
+
+
+@njit(**OPTIONS)
+def record_case(
+    rod: RodArrays,
+    tau: FloatArray,
+    gravity: FloatArray,
+    tip_force: FloatArray,
+    tip_moment: FloatArray,
+    distributed: FloatArray,
+    disk_forces: FloatArray,
+    base_moment: FloatArray,
+    record: FloatArray,
+) -> None:
+    """Integrates one solved case again and keeps what happens at every Runge-Kutta stage; see `sweep`."""
+    steps, disks = rod.step_lengths.shape[0], rod.disk_masses.shape[0]
+    forces, weights = np.empty((steps, 3)), np.empty((rod.stiffness.shape[0], 3))
+    positions, rotations = np.empty((disks, 3)), np.empty((disks, 3, 3))
+    end, angle, moment = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    load_profile(rod, gravity, tip_force, tip_moment, distributed, disk_forces, forces, weights)
+    sweep(rod, tau, forces, weights, base_moment, False, positions, rotations, end, angle, moment, record)
+
+
+@njit(**OPTIONS)
+def variation_rate(
+    rod: RodArrays,
+    stage: FloatArray,
+    inverse: FloatArray,
+    first: int,
+    profiles: FloatArray,
+    columns: FloatArray,
+    rate: FloatArray,
+    rotation: FloatArray,
+) -> None:
+    """Writes the derivative of theta, delta M and delta p (base frame) at one stage, a column for each parameter.
+
+    Args:
+        rod: RodArrays.
+        stage: Load, strain and rotation of the stage, shape (21,).
+        inverse: H^-1 at the stage, shape (6, 6).
+        first: First tendon still present.
+        profiles: Force across the cut for a unit of each family of forces, shape (families,).
+        columns: theta, delta M, delta p over M(0), tensions and forces, shape (9, 3 + t + 3 families).
+        rate: Their derivatives, shape (9, 3 + t + 3 families); written.
+        rotation: Work space, shape (3, 3).
+    """
+    nx, ny, nz, mx, my, mz = stage[0], stage[1], stage[2], stage[3], stage[4], stage[5]
+    vx, vy, vz, ux, uy, uz = stage[6], stage[7], stage[8], stage[9], stage[10], stage[11]
+    for i in range(3):
+        for j in range(3):
+            rotation[i, j] = stage[12 + 3 * i + j]
+    tendons = rod.offsets.shape[0]
+    f, e, g = np.empty(6), np.empty(6), np.empty(3)
+    for c in range(columns.shape[1]):
+        px = rotation[0, 0] * columns[0, c] + rotation[1, 0] * columns[1, c] + rotation[2, 0] * columns[2, c]
+        py = rotation[0, 1] * columns[0, c] + rotation[1, 1] * columns[1, c] + rotation[2, 1] * columns[2, c]
+        pz = rotation[0, 2] * columns[0, c] + rotation[1, 2] * columns[1, c] + rotation[2, 2] * columns[2, c]
+        f[0], f[1], f[2] = ny * pz - nz * py, nz * px - nx * pz, nx * py - ny * px
+        f[3] = my * pz - mz * py
+        f[4] = mz * px - mx * pz
+        f[5] = mx * py - my * px
+        for j in range(3):
+            f[3 + j] += rotation[0, j] * columns[3, c] + rotation[1, j] * columns[4, c] + rotation[2, j] * columns[5, c]
+            g[j] = 0.0
+        if 3 <= c < 3 + tendons:
+            i = c - 3
+            if i >= first:
+                rx, ry = rod.offsets[i, 0], rod.offsets[i, 1]
+                wx, wy, wz = vx - uz * ry, vy + uz * rx, vz + ux * ry - uy * rx
+                scale = 1.0 / np.sqrt(wx * wx + wy * wy + wz * wz)
+                wx, wy, wz = wx * scale, wy * scale, wz * scale
+                f[0] -= wx
+                f[1] -= wy
+                f[2] -= wz
+                f[3] -= ry * wz
+                f[4] += rx * wz
+                f[5] -= rx * wy - ry * wx
+        elif c >= 3 + tendons:
+            family, axis = (c - 3 - tendons) // 3, (c - 3 - tendons) % 3
+            for j in range(3):
+                g[j] = profiles[family] * rotation[axis, j]
+                f[j] += g[j]
+        for i in range(6):
+            e[i] = 0.0
+            for j in range(6):
+                e[i] += inverse[i, j] * f[j]
+        e[0] += py * vz - pz * vy
+        e[1] += pz * vx - px * vz
+        e[2] += px * vy - py * vx
+        bx = ny * e[2] - nz * e[1] - vy * g[2] + vz * g[1]
+        by = nz * e[0] - nx * e[2] - vz * g[0] + vx * g[2]
+        bz = nx * e[1] - ny * e[0] - vx * g[1] + vy * g[0]
+        for i in range(3):
+            rate[i, c] = rotation[i, 0] * e[3] + rotation[i, 1] * e[4] + rotation[i, 2] * e[5]
+            rate[3 + i, c] = rotation[i, 0] * bx + rotation[i, 1] * by + rotation[i, 2] * bz
+            rate[6 + i, c] = rotation[i, 0] * e[0] + rotation[i, 1] * e[1] + rotation[i, 2] * e[2]
+
+
+@njit(**OPTIONS)
+def variations(
+    rod: RodArrays, tau: FloatArray, record: FloatArray, profiles: FloatArray, at_disks: FloatArray, end: FloatArray
+) -> None:
+    """Integrates the variational equations along a recorded case by the classical Runge-Kutta method.
+
+    Args:
+        rod: RodArrays.
+        tau: Tensions, shape (t,), N.
+        record: From `record_case`, shape (c, 4, 21).
+        profiles: Force across the cut at the start of each step and its decrease per length, for a unit of each
+            family of forces, shape (families, c, 2).
+        at_disks: theta and delta p at the disks, shape (d, 6, 3 + t + 3 families); written.
+        end: delta M(l), shape (3, 3 + t + 3 families); written.
+    """
+    count = at_disks.shape[2]
+    y, trial = np.zeros((9, count)), np.empty((9, count))
+    rate, total = np.empty((9, count)), np.empty((9, count))
+    inverse, rotation = np.empty((6, 6)), np.empty((3, 3))
+    profile = np.empty(profiles.shape[0])
+    for i in range(3):
+        y[3 + i, i] = 1.0
+    at_disks[0] = 0.0
+    for c in range(rod.step_lengths.shape[0]):
+        h, segment = rod.step_lengths[c], rod.step_segments[c]
+        first = rod.first_tendon[segment]
+        trial[:] = y
+        total[:] = y
+        for stage in range(4):
+            sigma = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
+            for k in range(profiles.shape[0]):
+                profile[k] = profiles[k, c, 0] - sigma * profiles[k, c, 1]
+            strain_hessian(record[c, stage, 6:12], rod.stiffness[segment], rod.offsets, tau, first, inverse)
+            variation_rate(rod, record[c, stage], inverse, first, profile, trial, rate, rotation)
+            share = h / 6.0 if stage in (0, 3) else h / 3.0
+            reach = h if stage == 2 else 0.5 * h
+            for i in range(9):
+                for j in range(count):
+                    total[i, j] += share * rate[i, j]
+                    trial[i, j] = y[i, j] + reach * rate[i, j]
+        y[:] = total
+        disk = rod.step_disks[c]
+        if disk >= 0:
+            at_disks[disk, :3] = y[:3]
+            at_disks[disk, 3:] = y[6:]
+    end[:] = y[3:6]
