@@ -1,14 +1,45 @@
-"""The planning session: everything a scenario needs, built once, and plan, verify, repair on top of it."""
+"""The planning session: everything a scene needs, built once, and plan, verify, repair on top of it."""
 
 from __future__ import annotations
 
+import logging
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cache
+from importlib.metadata import version
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
+from tdcr_planner.arrays import FloatArray
+from tdcr_planner.collision.body import RobotBody, Shaft
+from tdcr_planner.collision.meshes import SceneMesh, load_scene_mesh
+from tdcr_planner.collision.scene import CollisionScene
+from tdcr_planner.errors import InputError
+from tdcr_planner.planning.edges import EdgeChecker
+from tdcr_planner.planning.ompl_planner import Progress, SearchOutcome, SearchStatus, search
 from tdcr_planner.planning.path import TensionPath
-from tdcr_planner.planning.scenario import Scenario
-from tdcr_planner.verification import VerificationReport
+from tdcr_planner.planning.scenario import Goal, Scenario, Validity
+from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.planning.timing import path_times
+from tdcr_planner.planning.validity import ValidityChecker, planning_margins
+from tdcr_planner.shape.base import ShapeModel
+from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
+from tdcr_planner.shape.reference import ReferenceShape
+from tdcr_planner.verification import SolvedStates, VerificationReport, Verifier
+
+# What a repair adds to the shortfall that verification has measured, and the reach of a state that it rules out.
+REPAIR_MARGIN_M = 2e-4
+RULED_OUT_M = 5e-3
+# Part of the time limit that the search leaves to verification, and its most.
+VERIFY_SHARE = 0.2
+VERIFY_RESERVE_S = 1.0
+LIBRARIES = ("tdcr-planner", "numpy", "scipy", "numba", "torch", "ompl", "python-fcl", "trimesh")
+
+logger = logging.getLogger(__name__)
 
 
 class PlanStatus(StrEnum):
@@ -50,3 +81,329 @@ class PlanResult:
     planner: dict[str, Any] = field(default_factory=dict)
     hashes: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
+
+
+class PlanningSession:
+    """Robot, shape models, meshes and distance fields of one scene, shared by all queries in it.
+
+    Attributes:
+        scenario: The scenario that it was made for.
+        space: Its configurations.
+        meshes: Its meshes, world frame.
+        scene: The scene with the robot's body as it is, without margins.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Loads and builds everything; see `load_scenario`.
+
+        Raises:
+            FormatError: A mesh or model cannot be used.
+            RobotMismatchError: The shape model was made for another robot.
+        """
+        self.scenario = scenario
+        self.space = ConfigurationSpace(scenario)
+        self.meshes = load_scene_meshes(scenario)
+        self.scene = CollisionScene(self.meshes, self._body(np.zeros(scenario.robot.disk_count)))
+        self._models: dict[Validity, ShapeModel] = {}
+        self.model(scenario.planner.validity)
+
+    def _body(self, margins: FloatArray) -> RobotBody:
+        radius = self.scenario.file.base.shaft_radius_m
+        shaft = None if radius is None else Shaft(radius, self.scenario.base_position)
+        return RobotBody(self.scenario.robot, margins, shaft)
+
+    def model(self, validity: Validity) -> ShapeModel:
+        """Returns the shape model of that name, loaded at its first use."""
+        if validity not in self._models:
+            self._models[validity] = self._load_model(validity)
+        return self._models[validity]
+
+    def _load_model(self, validity: Validity) -> ShapeModel:
+        if validity == "reference":
+            return ReferenceShape(self.scenario.robot)
+        if validity == "constant_curvature":
+            return ConstantCurvatureShape(self.scenario.robot)
+        # torch takes seconds to import: only a query that asks the learned model pays for it.
+        from tdcr_planner.shape.learned import load_shape_model
+
+        if self.scenario.shape_model_path is None:
+            raise InputError("validity", "a scenario that names a shape_model", "'learned'")
+        return load_shape_model(self.scenario.shape_model_path, self.scenario.robot)
+
+    def checker(self, scenario: Scenario | None = None, *, extra_margin: float = 0.0) -> ValidityChecker:
+        """Returns a validity checker for a scenario of this scene, with the margins of its model.
+
+        Args:
+            scenario: A scenario in the same scene; None for the session's own.
+            extra_margin: Added to every disk's margin, m.
+        """
+        query = scenario or self.scenario
+        model = self.model(query.planner.validity)
+        margins = planning_margins(query, model) + extra_margin
+        return ValidityChecker(self.space, model, self.scene.with_margins(margins))
+
+    def verifier(self, scenario: Scenario | None = None, *, refine: int = 1) -> Verifier:
+        """Returns a verifier for a scenario of this scene, at steps `refine` times finer than its own."""
+        query = scenario or self.scenario
+        return Verifier(
+            self.space,
+            self.scene,
+            step=query.planner.step_m / refine,
+            clearance=query.planner.clearance_m,
+            model=self.model(query.planner.validity),
+        )
+
+    def plan(
+        self, scenario: Scenario | None = None, *, load_s: float = 0.0, progress: Progress | None = None
+    ) -> PlanResult:
+        """Searches a path, verifies it with the reference and repairs it within the time limit.
+
+        Where verification finds too little clearance, the search is repeated with a margin grown by what was missing;
+        where the reference has no stable shape or breaks a limit, with that state's neighbourhood ruled out.
+
+        Args:
+            scenario: A scenario in the same scene, for example with another start, goal or planner; None for the
+                session's own.
+            load_s: Seconds that loading took, for the result's timings.
+            progress: Told a fraction of the time limit and a remark now and then.
+
+        Raises:
+            InputError: The scenario is of another scene, or its planner is not offered.
+        """
+        query = self._check_same_scene(scenario or self.scenario)
+        settings = query.planner
+        started = time.monotonic()
+        deadline = started + settings.time_limit_s
+        attempt = _Attempt(query)
+        while True:
+            begin = time.monotonic()
+            checker = self.checker(query, extra_margin=attempt.extra_margin)
+            for row in attempt.ruled_out:
+                checker.rule_out(row, RULED_OUT_M)
+            left = deadline - begin
+            limit = max(left - min(VERIFY_SHARE * left, VERIFY_RESERVE_S), 0.01)
+            seed = settings.seed + attempt.repairs
+            outcome = search(query, self.space, checker, time_limit_s=limit, seed=seed, progress=progress)
+            attempt.plan_s += time.monotonic() - begin
+            attempt.add(outcome)
+            if outcome.rows is None:
+                break
+            begin = time.monotonic()
+            rows, goals = self._states(query, checker, outcome)
+            attempt.report, attempt.states = self.verifier(query).verify(rows, goals)
+            attempt.order = outcome.order
+            attempt.verify_s += time.monotonic() - begin
+            if attempt.report.verified or time.monotonic() >= deadline:
+                break
+            logger.info("repair %d: %s", attempt.repairs + 1, attempt.report.message)
+            attempt.learn(settings.clearance_m)
+        return self._result(attempt, load_s, time.monotonic() - started)
+
+    def _states(
+        self, query: Scenario, checker: ValidityChecker, outcome: SearchOutcome
+    ) -> tuple[FloatArray, list[tuple[int, Goal]]]:
+        """Returns a found path's states at most step_m apart, and which of them must reach which goal."""
+        assert outcome.rows is not None  # a path was found
+        edges = EdgeChecker(checker, query.planner.step_m)
+        parts = [outcome.rows[:1]]
+        index = [0]
+        for first, second in pairwise(outcome.rows):
+            parts.append(edges.subdivide(first, second)[1:])
+            index.append(index[-1] + len(parts[-1]))
+        goals = [
+            (index[place], query.goals[number]) for place, number in zip(outcome.goals, outcome.order, strict=True)
+        ]
+        return np.concatenate(parts), goals
+
+    def _check_same_scene(self, query: Scenario) -> Scenario:
+        mine, other = self.scenario.file, query.file
+        for name in ("meshes", "base", "gravity_m_s2", "tip_force_n", "shape_model"):
+            if getattr(mine, name) != getattr(other, name):
+                raise InputError("scenario", f"the session's own {name}", f"another {name} in {query.path}")
+        if query.robot != self.scenario.robot:
+            raise InputError("scenario", f"the session's robot {self.scenario.robot.name!r}", repr(query.robot.name))
+        return query
+
+    def tension_path(self, query: Scenario, states: SolvedStates, order: Sequence[int]) -> TensionPath:
+        """Returns solved states as a path with times from the scenario's limits.
+
+        Args:
+            query: The scenario.
+            states: The states, each goal's own marked by its place in the order of travel.
+            order: The goals' numbers in the order of travel.
+        """
+        rows = states.rows
+        return TensionPath(
+            bending=self.space.bending(rows),
+            insertion=self.space.insertion(rows),
+            roll=self.space.roll(rows),
+            tensions=states.tensions,
+            tendon_displacements=states.displacements,
+            tip_positions=states.positions[:, -1],
+            times=path_times(query, self.space, rows, states.tensions),
+            goal_states=tuple((int(state), order[states.goals[state]]) for state in np.flatnonzero(states.goals >= 0)),
+        )
+
+    def rows(self, path: TensionPath) -> FloatArray:
+        """Returns a path's configurations, shape (k, dimension)."""
+        columns = [path.bending.reshape(len(path), -1)]
+        if self.space.has_insertion:
+            columns.append(path.insertion[:, None])
+        if self.space.has_roll:
+            columns.append(path.roll[:, None])
+        return np.concatenate(columns, axis=1)
+
+    def _result(self, attempt: _Attempt, load_s: float, spent_s: float) -> PlanResult:
+        status, message = attempt.verdict()
+        query = attempt.query
+        model = self.model(query.planner.validity)
+        hashes = {"scenario": query.sha256, "robot": query.robot.mechanics_hash}
+        if hasattr(model, "sha256"):
+            hashes["shape_model"] = model.sha256
+        return PlanResult(
+            status=status,
+            message=message,
+            scenario=query,
+            seed=query.planner.seed,
+            path=None if attempt.states is None else self.tension_path(query, attempt.states, attempt.order),
+            verification=attempt.report,
+            repairs=attempt.repairs,
+            timings_s={
+                "load": load_s,
+                "plan": attempt.plan_s,
+                "verify": attempt.verify_s,
+                "total": load_s + spent_s,
+            },
+            planner=attempt.statistics,
+            hashes=hashes,
+            versions=library_versions(),
+        )
+
+
+@dataclass
+class _Attempt:
+    """What a query has come to so far, repairs included."""
+
+    query: Scenario
+    outcome: SearchOutcome | None = None
+    report: VerificationReport | None = None
+    states: SolvedStates | None = None
+    order: tuple[int, ...] = ()
+    repairs: int = 0
+    extra_margin: float = 0.0
+    ruled_out: list[FloatArray] = field(default_factory=list)
+    plan_s: float = 0.0
+    verify_s: float = 0.0
+    statistics: dict[str, Any] = field(default_factory=dict)
+
+    def add(self, outcome: SearchOutcome) -> None:
+        """Takes a search's outcome and adds its counts to those of the searches before."""
+        self.outcome = outcome
+        self.statistics = _add_counts(self.statistics, outcome.statistics)
+
+    def learn(self, clearance: float) -> None:
+        """Takes from a failed verification what the next search must do otherwise."""
+        assert self.report is not None  # called after a verification
+        assert self.states is not None
+        self.repairs += 1
+        if self.report.cause == "clearance":
+            shortfall = clearance - float(np.nanmin(self.report.clearance))
+            self.extra_margin += max(shortfall, 0.0) + REPAIR_MARGIN_M
+        else:
+            self.ruled_out.append(self.states.rows[self.report.worst_state])
+
+    def verdict(self) -> tuple[PlanStatus, str]:
+        """Returns the status of the query and a sentence on it."""
+        assert self.outcome is not None  # a search has run
+        if self.report is not None:
+            if self.report.verified:
+                return PlanStatus.VERIFIED, self.outcome.message
+            return (
+                PlanStatus.UNVERIFIED,
+                f"a path was found, but the reference does not confirm it: {self.report.message}",
+            )
+        statuses = {
+            SearchStatus.NO_PATH: PlanStatus.NO_PATH,
+            SearchStatus.INVALID_START: PlanStatus.INVALID_START,
+            SearchStatus.INVALID_GOAL: PlanStatus.INVALID_GOAL,
+        }
+        return statuses[self.outcome.status], self.outcome.message
+
+
+def _add_counts(total: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+    """Returns two sets of statistics as one: numbers added, tables merged, anything else from the later."""
+    merged = dict(total)
+    for key, value in more.items():
+        if isinstance(value, dict):
+            merged[key] = _add_counts(merged.get(key, {}), value)
+        elif isinstance(value, int | float) and key in merged:
+            merged[key] += value
+        else:
+            merged[key] = value
+    return merged
+
+
+def load_scene_meshes(scenario: Scenario) -> list[SceneMesh]:
+    """Returns the meshes of a scenario in metres, each with its role and, for a cavity, its entry plane."""
+    base_z = scenario.base_rotation[:, 2]
+    meshes = []
+    for entry in scenario.file.meshes:
+        point, normal = scenario.base_position, base_z
+        if entry.entry is not None:
+            point, normal = np.asarray(entry.entry.point_m), np.asarray(entry.entry.normal)
+        cavity = entry.role == "cavity"
+        meshes.append(
+            load_scene_mesh(
+                scenario.resolve(entry.file),
+                entry.unit,
+                entry.role,
+                point if cavity else None,
+                normal if cavity else None,
+            )
+        )
+    return meshes
+
+
+@cache
+def _library_versions() -> tuple[tuple[str, str], ...]:
+    return tuple((name, version(name)) for name in LIBRARIES)
+
+
+def library_versions() -> dict[str, str]:
+    """Returns the versions of the libraries that decide a result."""
+    return dict(_library_versions())
+
+
+def plan(scenario: Scenario, *, seed: int | None = None, progress: Progress | None = None) -> PlanResult:
+    """Plans and verifies one scenario.
+
+    Args:
+        scenario: From `load_scenario`.
+        seed: Seed of the search; None for the scenario's.
+        progress: Told a fraction of the time limit and a remark now and then.
+
+    Returns:
+        The result; no path, a failed verification or an invalid start are a status in it.
+    """
+    started = time.monotonic()
+    query = scenario if seed is None else scenario.with_planner(seed=seed)
+    session = PlanningSession(query)
+    return session.plan(load_s=time.monotonic() - started, progress=progress)
+
+
+def verify(result: PlanResult, *, refine: int = 1) -> VerificationReport:
+    """Solves every state of a result's path again with the reference and judges it in the result's scene.
+
+    Args:
+        result: A result with a path.
+        refine: Verify at steps this many times finer than the scenario's step_m.
+
+    Raises:
+        InputError: The result has no path.
+    """
+    if result.path is None:
+        raise InputError("result", "a result with a path", f"status {result.status.value!r} without one")
+    session = PlanningSession(result.scenario)
+    goals = [(state, result.scenario.goals[number]) for state, number in result.path.goal_states]
+    report, _ = session.verifier(refine=refine).verify(session.rows(result.path), goals)
+    return report

@@ -8,7 +8,7 @@ gap; gaps where it does not are halved until it does or the halves say that it n
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.scene import CollisionScene
+from tdcr_planner.planning.scenario import Goal
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import transform_points
@@ -48,7 +49,7 @@ class VerificationReport:
         positions: Reference disk centres, shape (k, d, 3), m, world frame.
         rotations: world_from_disk, shape (k, d, 3, 3).
         model_positions: Disk centres by the shape model, shape (k, d, 3), m, world frame; None without one.
-        cause: "", "statics", "limits", "jump" or "clearance".
+        cause: "", "statics", "limits", "goal", "jump" or "clearance".
         worst_state: Index of the state that failed, or of the smallest clearance.
     """
 
@@ -101,6 +102,7 @@ class SolvedStates:
         positions: Disk centres, shape (k, d, 3), m, world frame.
         rotations: world_from_disk, shape (k, d, 3, 3).
         halvings: How often the gap behind each state has been halved below the step, shape (k,).
+        goals: Number of the goal (from 0) that a state must satisfy, -1 for none, shape (k,).
     """
 
     rows: FloatArray
@@ -114,6 +116,7 @@ class SolvedStates:
     positions: FloatArray
     rotations: FloatArray
     halvings: IntArray
+    goals: IntArray
 
     def halve(self, gaps: IntArray, middle: SolvedStates) -> SolvedStates:
         """Returns the states with others inserted into some gaps.
@@ -174,18 +177,24 @@ class Verifier:
         self.model = model
         self._robot: RobotSpec = space.robot
 
-    def verify(self, rows: FloatArray) -> tuple[VerificationReport, SolvedStates]:
+    def verify(
+        self, rows: FloatArray, goals: Sequence[tuple[int, Goal]] = ()
+    ) -> tuple[VerificationReport, SolvedStates]:
         """Returns the reference's judgement on a path, and the states it solved for it.
 
         Args:
             rows: Configurations of the path's states in order, shape (k, dimension); interpolated linearly in between.
+            goals: What is to be reached, each with the index of the state that must reach it; where it is a tip
+                position, the reference's tip must lie within the tolerances.
         """
         states = self._solve(rows)
+        for number, (index, _) in enumerate(goals):
+            states.goals[index] = number
         # Gaps wider than the step get the halvings that lead down to it for free.
         excess = np.maximum(self.body_motion(states.positions, states.rotations) / self.step, 1.0)
         allowance = np.nan_to_num(np.ceil(np.log2(excess))).astype(np.int64)
         states = replace(states, halvings=np.append(-allowance, 0))
-        failure = self._judge_states(states)
+        failure = self._judge_states(states) or self._judge_goals(states, goals)
         while failure is None:
             gaps = self._open_gaps(states)
             if not len(gaps):
@@ -220,6 +229,7 @@ class Verifier:
             positions=positions,
             rotations=rotations,
             halvings=np.zeros(len(rows), dtype=np.int64),
+            goals=np.full(len(rows), -1, dtype=np.int64),
         )
 
     def _in_limits(self, states: SolvedStates) -> BoolArray:
@@ -249,6 +259,25 @@ class Verifier:
             distance, asked = 1e3 * states.clearance[state], 1e3 * self.clearance
             message = f"clearance {distance:.3f} mm under the reference, asked {asked:.3f} mm"
             return _Failure("clearance", f"state {state + 1} of {count}: {message}", state)
+        return None
+
+    def _judge_goals(self, states: SolvedStates, goals: Sequence[tuple[int, Goal]]) -> _Failure | None:
+        """Returns the first tip goal that the reference's tip misses, or None."""
+        for number, (state, goal) in enumerate(goals):
+            if goal.tip_position_m is None:
+                continue
+            where = f"state {state + 1} of {len(states.rows)}, goal {number + 1}"
+            distance = float(np.linalg.norm(states.positions[state, -1] - np.asarray(goal.tip_position_m)))
+            if distance > goal.tip_tolerance_m:
+                message = f"the tip is {1e3 * distance:.3f} mm off, allowed {1e3 * goal.tip_tolerance_m:.3f} mm"
+                return _Failure("goal", f"{where}: {message}", state)
+            if goal.view_direction is not None:
+                view = np.asarray(goal.view_direction) / np.linalg.norm(goal.view_direction)
+                axis = states.rotations[state, -1, :, 2]
+                angle = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(axis, view)), axis @ view)))
+                if angle > goal.view_tolerance_deg:
+                    message = f"the tip looks {angle:.2f} degrees aside, allowed {goal.view_tolerance_deg:.2f}"
+                    return _Failure("goal", f"{where}: {message}", state)
         return None
 
     def _open_gaps(self, states: SolvedStates) -> IntArray:

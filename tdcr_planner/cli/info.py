@@ -76,8 +76,8 @@ def _describe_scenario(scenario: Scenario) -> str:
         lines.append("roll {:g} to {:g} degrees".format(*file.base.roll_deg))
     lines += [f"goal {index + 1}: {_describe_goal(goal)}" for index, goal in enumerate(scenario.goals)]
     lines.append(
-        f"{planner.name} with {planner.validity} validity, {planner.time_limit_s:g} s, step {1e3 * planner.step_m:g} mm, "
-        f"clearance {1e3 * planner.clearance_m:g} mm"
+        f"{planner.name} with {planner.validity} validity, {planner.time_limit_s:g} s, "
+        f"step {1e3 * planner.step_m:g} mm, clearance {1e3 * planner.clearance_m:g} mm"
     )
     return "\n".join(lines)
 

@@ -42,8 +42,13 @@ class TimeBar:
     ) -> None:
         self._bar.close()
 
-    def update(self, remark: str) -> None:
-        """Moves the bar to the time used so far and shows a remark."""
+    def update(self, share: float, remark: str) -> None:  # noqa: ARG002
+        """Moves the bar to the time used so far and shows a remark.
+
+        Args:
+            share: Part of its own time that a search has used; the bar shows the query's time, repairs included.
+            remark: What is going on.
+        """
         used = min(time.perf_counter() - self._started, self._limit)
         self._bar.set_postfix_str(remark, refresh=False)
         self._bar.update(used - self._bar.n)

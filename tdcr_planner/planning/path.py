@@ -21,6 +21,8 @@ class TensionPath:
         tendon_displacements: Tendon pulled out at the base against the straight robot, shape (k, t), m.
         tip_positions: Centre of the last disk, shape (k, 3), m, world frame.
         times: Shape (k,), s, from the scenario's limits; starts at 0.
+        goal_states: Index of the state that reaches each goal, and the goal's number in the scenario (from 0), in
+            the order of travel.
     """
 
     bending: FloatArray
@@ -30,6 +32,7 @@ class TensionPath:
     tendon_displacements: FloatArray
     tip_positions: FloatArray
     times: FloatArray
+    goal_states: tuple[tuple[int, int], ...] = ()
 
     def __len__(self) -> int:
         return len(self.insertion)
