@@ -1,4 +1,4 @@
-"""Makes airway.stl: the inside of a branching airway phantom, about one and a half times life size.
+"""Makes airway.stl: the inside of a branching airway phantom, about twice life size.
 
 The trachea lies along +x with its mouth at x = 0, as in a patient on the back; y points to the patient's left and z, up,
 to the front. Behind the carina follow the two main bronchi and five lobar ones. The mouth is open (one boundary loop),
@@ -26,15 +26,15 @@ PIECES = 8  # straight pieces a branch
 
 # name: three control points of a quadratic Bezier curve, the inside radius at its start and at its end
 BRANCHES = {
-    "trachea": ((-BEHIND_MOUTH, 0, 0), (45, 0, 0), (112, 0, 0), 19.0, 18.0),
-    "left main": ((108, 0, 0), (130, 8, 0), (176, 50, 3), 15.0, 13.5),
-    "left upper": ((172, 46, 3), (184, 58, 6), (200, 88, 26), 12.5, 11.0),
-    "left lower": ((172, 46, 3), (190, 64, 4), (236, 82, -10), 12.5, 11.0),
-    "right main": ((108, 0, 0), (125, -5, 0), (150, -18, 0), 16.0, 14.5),
-    "right upper": ((142, -13, 0), (148, -32, 2), (156, -60, 10), 12.0, 11.0),
-    "right intermediate": ((148, -17, 0), (166, -26, 0), (186, -34, -2), 14.0, 13.0),
-    "right middle": ((182, -32, -2), (198, -41, 4), (222, -58, 26), 11.5, 10.5),
-    "right lower": ((182, -32, -2), (202, -40, -6), (244, -46, -24), 12.5, 11.0),
+    "trachea": ((-BEHIND_MOUTH, 0, 0), (45, 0, 0), (112, 0, 0), 20.0, 19.5),
+    "left main": ((108, 0, 0), (132, 6, 0), (178, 45, 3), 17.0, 16.0),
+    "left upper": ((174, 41, 3), (190, 54, 6), (218, 76, 22), 15.0, 13.5),
+    "left lower": ((174, 41, 3), (194, 58, 4), (240, 74, -10), 14.5, 13.0),
+    "right main": ((108, 0, 0), (125, -5, 0), (150, -18, 0), 18.0, 16.5),
+    "right upper": ((142, -13, 0), (148, -34, 2), (156, -64, 10), 13.5, 12.0),
+    "right intermediate": ((148, -17, 0), (166, -26, 0), (186, -34, -2), 16.0, 15.0),
+    "right middle": ((182, -32, -2), (198, -41, 4), (222, -60, 26), 13.5, 12.5),
+    "right lower": ((182, -32, -2), (202, -40, -6), (244, -46, -24), 14.5, 13.0),
 }
 
 

@@ -15,17 +15,17 @@ import numpy as np
 import trimesh
 
 STRAIGHT = 120.0  # length of the leg behind the mouth
-BEND_RADIUS = 180.0  # of the axis
-BEND_ANGLE = np.deg2rad(75.0)
+BEND_RADIUS = 190.0  # of the axis
+BEND_ANGLE = np.deg2rad(72.0)
 BLIND_LEG = 40.0
 BEND_LENGTH = BEND_RADIUS * BEND_ANGLE
 
-PIPE_RADIUS = 24.0  # inside
-MOUTH_RADIUS = 30.0  # the mouth flares out to this over FLARE_LENGTH
+PIPE_RADIUS = 25.0  # inside
+MOUTH_RADIUS = 32.0  # the mouth flares out to this over FLARE_LENGTH
 FLARE_LENGTH = 30.0
 NARROWING_AT = STRAIGHT + 100.0  # arc length of the throat of the narrowing
 NARROWING_HALF_LENGTH = 25.0
-NARROWING_RADIUS = 14.5
+NARROWING_RADIUS = 16.0
 ORIFICE_AT = STRAIGHT + 165.0  # arc length of the middle of the orifice plate
 ORIFICE_HALF_THICKNESS = 0.5
 ORIFICE_RADIUS = 9.8  # below the 10 mm of the robots' disks
