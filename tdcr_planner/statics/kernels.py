@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.statics.rod import RodArrays
 
 OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "fastmath": {"contract", "reassoc", "arcp", "nsz"}}
@@ -884,24 +884,43 @@ def load_profile(
 
 
 @njit(**OPTIONS)
-def record_case(
+def record_cases(
     rod: RodArrays,
-    tau: FloatArray,
+    tensions: FloatArray,
     gravity: FloatArray,
     tip_force: FloatArray,
     tip_moment: FloatArray,
     distributed: FloatArray,
     disk_forces: FloatArray,
-    base_moment: FloatArray,
+    converged: BoolArray,
+    base_moments: FloatArray,
     record: FloatArray,
 ) -> None:
-    """Integrates one solved case again and keeps what happens at every Runge-Kutta stage; see `sweep`."""
+    """Integrates solved cases again and keeps what happens at every Runge-Kutta stage, record (n, c, 4, 21)."""
     steps, disks = rod.step_lengths.shape[0], rod.disk_masses.shape[0]
     forces, weights = np.empty((steps, 3)), np.empty((rod.stiffness.shape[0], 3))
     positions, rotations = np.empty((disks, 3)), np.empty((disks, 3, 3))
     end, angle, moment = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-    load_profile(rod, gravity, tip_force, tip_moment, distributed, disk_forces, forces, weights)
-    sweep(rod, tau, forces, weights, base_moment, False, positions, rotations, end, angle, moment, record)
+    for case in range(tensions.shape[0]):
+        if not converged[case]:
+            record[case] = np.nan
+            continue
+        point = disk_forces[case if disk_forces.shape[0] > 1 else 0]
+        load_profile(rod, gravity[case], tip_force[case], tip_moment[case], distributed[case], point, forces, weights)
+        sweep(
+            rod,
+            tensions[case],
+            forces,
+            weights,
+            base_moments[case],
+            False,
+            positions,
+            rotations,
+            end,
+            angle,
+            moment,
+            record[case],
+        )
 
 
 @njit(**OPTIONS)
@@ -1025,3 +1044,19 @@ def variations(
             at_disks[disk, :3] = y[:3]
             at_disks[disk, 3:] = y[6:]
     end[:] = y[3:6]
+
+
+@njit(**OPTIONS)
+def variations_of_cases(
+    rod: RodArrays,
+    tensions: FloatArray,
+    converged: BoolArray,
+    record: FloatArray,
+    profiles: FloatArray,
+    at_disks: FloatArray,
+    end: FloatArray,
+) -> None:
+    """Integrates the variational equations of every case with an equilibrium; see `variations`."""
+    for case in range(tensions.shape[0]):
+        if converged[case]:
+            variations(rod, tensions[case], record[case], profiles, at_disks[case], end[case])

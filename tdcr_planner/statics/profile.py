@@ -94,20 +94,19 @@ def solved_rod(robot: RobotSpec, solution: RodSolution) -> RodArrays:
 
 def record_solution(rod: RodArrays, solution: RodSolution) -> FloatArray:
     """Returns load, strain and rotation at every stage, shape (n, c, 4, 21); NaN where there is no equilibrium."""
-    count = len(solution.tensions)
     loads = solution.loads
     forces = loads.disk_forces if len(loads.disk_forces) else np.zeros((1, *loads.disk_forces.shape[1:]))
-    record = np.full((count, len(rod.step_lengths), 4, 21), np.nan)
-    for case in np.flatnonzero(solution.converged):
-        kernels.record_case(
-            rod,
-            solution.tensions[case],
-            loads.gravity[case],
-            loads.tip_force[case],
-            loads.tip_moment[case],
-            loads.distributed_force[case],
-            forces[case if len(forces) > 1 else 0],
-            solution.base_moment[case],
-            record[case],
-        )
+    record = np.empty((len(solution.tensions), len(rod.step_lengths), 4, 21))
+    kernels.record_cases(
+        rod,
+        solution.tensions,
+        loads.gravity,
+        loads.tip_force,
+        loads.tip_moment,
+        loads.distributed_force,
+        forces,
+        solution.converged,
+        solution.base_moment,
+        record,
+    )
     return record

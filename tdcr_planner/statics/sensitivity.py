@@ -1,0 +1,124 @@
+"""Derivatives of disk poses with respect to tensions and loads, from the variational equations of the rod."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdcr_planner.arrays import FloatArray
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.se3 import skew
+from tdcr_planner.statics import kernels
+from tdcr_planner.statics.profile import record_solution, solved_rod
+from tdcr_planner.statics.rod import RodArrays
+from tdcr_planner.statics.solver import RodSolution
+
+
+@dataclass(frozen=True)
+class PoseDerivative:
+    """Derivatives of n shapes with respect to k parameters of one kind; NaN where there is no equilibrium.
+
+    Attributes:
+        positions: Of disk centres, shape (n, d, 3, k), m per unit, base frame.
+        rotations: Of disk rotations as the vector theta with dR = [theta]x R, shape (n, d, 3, k), rad per unit, base
+            frame.
+        base_moment: Of the moment across the cut at the base, shape (n, 3, k), N m per unit, base frame.
+    """
+
+    positions: FloatArray
+    rotations: FloatArray
+    base_moment: FloatArray
+
+    def rotation_matrices(self, solution: RodSolution) -> FloatArray:
+        """Returns the derivatives of the rotation matrices, shape (n, d, 3, 3, k)."""
+        turned = skew(np.moveaxis(self.rotations, 3, 2)) @ solution.rotations[:, :, None]
+        return np.moveaxis(turned, 2, 4)
+
+
+@dataclass(frozen=True)
+class StaticsJacobian:
+    """Derivatives of a batch of shapes, one `PoseDerivative` for each kind of parameter.
+
+    Attributes:
+        tensions: k = t, per N.
+        gravity: k = 3, per m/s^2.
+        tip_force: k = 3, per N.
+        tip_moment: k = 3, per N m.
+        distributed_force: k = 3, per N/m.
+        disk_forces: k = 3 d, per N, x y z of disk 0, then of disk 1 and so on; None where not asked for.
+    """
+
+    tensions: PoseDerivative
+    gravity: PoseDerivative
+    tip_force: PoseDerivative
+    tip_moment: PoseDerivative
+    distributed_force: PoseDerivative
+    disk_forces: PoseDerivative | None
+
+
+def statics_jacobian(robot: RobotSpec, solution: RodSolution, *, with_disk_forces: bool = False) -> StaticsJacobian:
+    """Returns the derivatives of solved shapes with respect to tensions and loads.
+
+    The variational equations of the rod are integrated with the integrator's own stages, and the boundary condition
+    M(l) = M_tip gives how M(0) follows (implicit function theorem). No differences are taken; like the shapes, the
+    derivatives are of fourth order in the step. At an equilibrium without a derivative (a buckling load) they are
+    huge or infinite.
+
+    Args:
+        robot: The robot that was solved.
+        solution: Its solution.
+        with_disk_forces: Whether to return derivatives with respect to a force at each disk as well.
+    """
+    rod = solved_rod(robot, solution)
+    profiles = _force_profiles(rod, with_disk_forces)
+    count, disks, tendons = len(solution.tensions), robot.disk_count, robot.tendon_count
+    columns = 3 + tendons + 3 * len(profiles)
+    at_disks = np.full((count, disks, 6, columns), np.nan)
+    end = np.full((count, 3, columns), np.nan)
+    record = record_solution(rod, solution)
+    kernels.variations_of_cases(rod, solution.tensions, solution.converged, record, profiles, at_disks, end)
+    # delta M(l) = B dM(0) + (parameters) - dM_tip = 0, so dM(0) = B^-1 (dM_tip - parameters).
+    changes = np.concatenate([-end[:, :, 3:], np.tile(np.eye(3), (count, 1, 1))], axis=2)
+    base = np.full_like(changes, np.nan)
+    found = np.flatnonzero(solution.converged)
+    base[found] = np.linalg.solve(end[found, :, :3], changes[found])
+    poses = at_disks[..., :3] @ base[:, None]
+    poses[..., : columns - 3] += at_disks[..., 3:]
+
+    def part(start: int, width: int) -> PoseDerivative:
+        chosen = slice(start, start + width)
+        return PoseDerivative(poses[:, :, 3:, chosen], poses[:, :, :3, chosen], base[:, :, chosen])
+
+    return StaticsJacobian(
+        tensions=part(0, tendons),
+        gravity=part(tendons, 3),
+        tip_force=part(tendons + 3, 3),
+        distributed_force=part(tendons + 6, 3),
+        disk_forces=part(tendons + 9, 3 * disks) if with_disk_forces else None,
+        tip_moment=part(columns - 3, 3),
+    )
+
+
+def _force_profiles(rod: RodArrays, with_disk_forces: bool) -> FloatArray:
+    """Returns the force across the cut at each step's start and its decrease per length, for a unit of each family.
+
+    Families: gravity, tip force, distributed force, and where asked for the force at each disk.
+
+    Returns:
+        Shape (families, c, 2).
+    """
+    steps, disks = len(rod.step_lengths), len(rod.disk_masses)
+    per_length = rod.weight_per_length[rod.step_segments]
+    ends_at = np.where(rod.step_disks >= 0, rod.step_disks, 0)
+    point_masses = np.where(rod.step_disks >= 0, rod.disk_masses[ends_at], 0.0)
+    profiles = np.zeros((3 + (disks if with_disk_forces else 0), steps, 2))
+    profiles[0, :, 0] = np.cumsum((point_masses + per_length * rod.step_lengths)[::-1])[::-1]
+    profiles[0, :, 1] = per_length
+    profiles[1, :, 0] = 1.0
+    profiles[2, :, 0] = np.cumsum(rod.step_lengths[::-1])[::-1]
+    profiles[2, :, 1] = 1.0
+    if with_disk_forces:
+        last_step = np.array([-1, *np.flatnonzero(rod.step_disks >= 0)])
+        profiles[3:, :, 0] = np.arange(steps)[None, :] <= last_step[:, None]
+    return profiles
