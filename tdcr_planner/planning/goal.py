@@ -14,7 +14,8 @@ _DIFFERENCE_M = 1e-3  # body motion of a finite difference: far above float32 no
 _LONGEST_STEP_M = 0.05
 _REFINEMENTS = 12
 _DIVERSITY_M = 0.01
-_AIM = 0.5  # refinement stops inside this share of the tolerances
+_AIM = 0.1  # refinement stops inside this share of the tolerances: what the model errs by must fit in beside it
+_ACCEPTED = 0.8
 
 
 class GoalSource(Protocol):
@@ -90,7 +91,7 @@ class TipGoal:
     Attributes:
         rows: Valid goal states found so far.
         reached: How many configurations were found that reach the goal, valid or not.
-        nearest: Error of the best configuration seen, and its tip position, m, world frame.
+        nearest: Errors of the best configuration seen in units of the tolerances, and its tip position, m, world frame.
     """
 
     def __init__(self, checker: ValidityChecker, goal: Goal, seed: int) -> None:
@@ -113,7 +114,7 @@ class TipGoal:
         self.rounds = 0
         self.rows: list[FloatArray] = []
         self.reached = 0
-        self.nearest: tuple[float, FloatArray] = (np.inf, np.full(3, np.nan))
+        self.nearest: tuple[FloatArray, FloatArray] = (np.full(3, np.inf), np.full(3, np.nan))
 
     def take(self) -> list[FloatArray]:
         """Returns the valid goal states found since the last call."""
@@ -147,13 +148,16 @@ class TipGoal:
         """Returns the nearest reachable tip position when no round has come within the tolerance, collisions aside."""
         if self.reached or not self.rounds:
             return ""
-        error, tip = self.nearest
+        residual, tip = self.nearest
+        distance = float(np.linalg.norm(tip - self._target))
+        angle = np.rad2deg(2.0 * np.arcsin(min(1.0, np.linalg.norm(residual[3:]) * self._chord / 2.0)))
         place = ", ".join(f"{value:.4f}" for value in tip)
         wanted = ", ".join(f"{value:.4f}" for value in self._target)
         return (
             f"no configuration brings the tip to ({wanted}) m within {self._tolerance:g} m"
             + ("" if self._view is None else " looking that way")
-            + f"; the nearest that can be reached, collisions aside, is ({place}) m, {error:.4f} m away"
+            + f"; the nearest that can be reached, collisions aside, is ({place}) m, {distance:.4f} m away"
+            + ("" if self._view is None else f", looking {angle:.1f} degrees off")
         )
 
     def satisfied(self, row: FloatArray) -> bool:
@@ -192,12 +196,11 @@ class TipGoal:
             best[moved], best_residual[moved], best_tips[moved] = tried[better], residual[better], tips[better]
             damping[moved] *= 0.3
             damping[active[~better]] *= 10.0
-        distance = np.linalg.norm(best_tips - self._target, axis=1)
-        distance[~np.isfinite(best_residual).all(axis=1)] = np.inf
-        nearest = int(np.argmin(distance))
-        if distance[nearest] < self.nearest[0]:
-            self.nearest = (float(distance[nearest]), best_tips[nearest].copy())
-        return best, self._within(best_residual, 0.95)
+        size = np.linalg.norm(best_residual, axis=1)
+        nearest = int(np.argmin(size))
+        if size[nearest] < np.linalg.norm(self.nearest[0]):
+            self.nearest = (best_residual[nearest].copy(), best_tips[nearest].copy())
+        return best, self._within(best_residual, _ACCEPTED)
 
     def _step(self, rows: FloatArray, residual: FloatArray, damping: FloatArray) -> FloatArray:
         """Returns the damped Gauss-Newton step, the shortest in body motion, at most `_LONGEST_STEP_M` of it."""

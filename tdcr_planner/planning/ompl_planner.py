@@ -15,6 +15,7 @@ from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import ConfigurationGoal, GoalSource, TipGoal
 from tdcr_planner.planning.ompl_run import PLANNERS, REFUSED, PlannerRun, Progress, check_planner, planner_parameters
 from tdcr_planner.planning.scenario import Goal, Scenario
+from tdcr_planner.planning.smoothing import shorten
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import ValidityChecker, rejections
 
@@ -167,6 +168,7 @@ class _Query:
             if found is None or not self.edges.path_valid(found):
                 message = f"no path to {self._name(number)} within the time given"
                 return self._outcome(SearchStatus.NO_PATH, message)
+            found = shorten(self.edges, found, seed=self.seed + leg, deadline=self.deadline)
             rows = np.concatenate([rows, found[1:]])
             reached.append(len(rows) - 1)
         return self._outcome(SearchStatus.FOUND, f"path of {len(rows)} waypoints", rows, tuple(reached), order)

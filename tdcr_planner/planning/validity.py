@@ -23,15 +23,15 @@ _TENSION_TOLERANCE_N = 1e-9  # rounding of the bending map, far below what a ten
 
 
 class Cause(StrEnum):
-    """Why a configuration or an edge is rejected. The first three stand in the order of the scene's verdict codes."""
+    """Why a configuration or an edge is rejected. The first four stand in the order of the scene's verdict codes."""
 
     OBSTACLE = "obstacle"
     CAVITY = "cavity"
     SELF_COLLISION = "self_collision"
+    NOT_FINITE = "nan"
     TENSION_LIMIT = "tension_limit"
     MODEL_DOMAIN = "model_domain"
     NO_SHAPE = "statics"
-    NOT_FINITE = "nan"
     TENDON_DISPLACEMENT = "tendon_displacement"
     STRAIN = "strain"
     RULED_OUT = "ruled_out"
@@ -51,7 +51,7 @@ class Scene(Protocol):
     """What the search asks of a collision scene; see `tdcr_planner.collision.scene.CollisionScene`."""
 
     def check(self, positions: FloatArray, rotations: FloatArray) -> Any:
-        """Returns a verdict code a state, shape (n,): 0 free, 1 obstacle, 2 cavity, 3 self-collision."""
+        """Returns a verdict code a state, shape (n,): 0 free, else the place of a `Cause` plus 1."""
         ...
 
     def first_contact(self, positions: FloatArray, rotations: FloatArray) -> Any:
