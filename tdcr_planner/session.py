@@ -105,7 +105,14 @@ class PlanningSession:
         self.meshes = load_scene_meshes(scenario)
         self.scene = CollisionScene(self.meshes, self._body(np.zeros(scenario.robot.disk_count)))
         self._models: dict[Validity, ShapeModel] = {}
-        self.model(scenario.planner.validity)
+        self._check_loads()
+
+    def _check_loads(self) -> None:
+        """Raises DomainError when gravity or tip force lie outside the model's domain, whatever the configuration."""
+        robot = self.scenario.robot
+        self.model(self.scenario.planner.validity).disk_poses(
+            robot.pretensions[None], gravity=self.scenario.gravity, tip_force=self.scenario.tip_force
+        )
 
     def _body(self, margins: FloatArray) -> RobotBody:
         radius = self.scenario.file.base.shaft_radius_m

@@ -39,6 +39,7 @@ class _PathTable(FileModel):
     tendon_displacement_m: list[_Row]
     tip_position_m: list[_Row]
     time_s: list[float]
+    goal_states: list[tuple[int, int]] = []
 
 
 class _Worst(FileModel):
@@ -176,6 +177,7 @@ def _path_content(path: TensionPath) -> dict[str, Any]:
         "tendon_displacement_m": path.tendon_displacements,
         "tip_position_m": path.tip_positions,
         "time_s": path.times,
+        "goal_states": path.goal_states,
     }
 
 
@@ -376,7 +378,18 @@ def _read_path(table: _PathTable, scenario: Scenario, file: Path) -> TensionPath
         tendon_displacements=read("tendon_displacement_m", robot.tendon_count),
         tip_positions=read("tip_position_m", 3),
         times=read("time_s"),
+        goal_states=_read_goal_states(table, count, scenario, file),
     )
+
+
+def _read_goal_states(
+    table: _PathTable, count: int, scenario: Scenario, file: Path
+) -> tuple[tuple[int, int], ...]:
+    for state, goal in table.goal_states:
+        if not (0 <= state < count and 0 <= goal < len(scenario.goals)):
+            expected = f"a state below {count} and a goal below {len(scenario.goals)}"
+            raise FormatError(file, f"expected {expected}, got {[state, goal]}", "path.goal_states")
+    return tuple(table.goal_states)
 
 
 def _read_verification(table: _ResultFile, count: int, scenario: Scenario, file: Path) -> VerificationReport:
