@@ -1,0 +1,1 @@
+"""Comparisons: what a shape model and constant curvature say of configurations, against the Cosserat reference."""

@@ -1,0 +1,144 @@
+"""The plots of a sweep: success rates with intervals, share verified against time, and spreads of time and length."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tdcr_planner.report import plots
+from tdcr_planner.report.tables import Row
+from tdcr_planner.sweep.suite import Suite
+from tdcr_planner.sweep.table import group_rows
+
+_COLOURS = tuple(plots.PALETTE[name] for name in ("blue", "vermilion", "green", "purple", "orange", "sky"))
+_DASHES = ("-", "--", "-.", ":")
+_DPI = 120
+
+
+def write_sweep_plots(suite: Suite, rows: Sequence[Row], folder: Path) -> None:
+    """Writes success, time and length plots as PNG and PDF into an existing folder.
+
+    Args:
+        suite: The suite.
+        rows: From `table.joined_rows`, one or more.
+        folder: Where to write.
+    """
+    with plots.plot_style():
+        for name, draw in (("success", draw_success), ("times", draw_times), ("spread", draw_spread)):
+            figure = draw(suite, rows)
+            for suffix in (".png", ".pdf"):
+                plots.save_figure(figure, folder / f"{name}{suffix}")
+
+
+def draw_success(suite: Suite, rows: Sequence[Row]) -> Figure:
+    """Returns a figure of the share of verified queries by scenario and by difficulty, with 95 % intervals."""
+    names = [entry.file for entry in suite.file.scenarios if any(row["scenario"] == entry.file for row in rows)]
+    height = max(420, 120 + 26 * len(names) * len(_variants(rows)))
+    figure = plots.new_figure(1200, min(height, 3000), _DPI)
+    left, right = figure.subplots(1, 2, width_ratios=(2, 1))
+    _draw_rates(left, rows, "scenario", names)
+    levels = [level for level in suite.difficulties if any(row["difficulty"] == level for row in rows)]
+    _draw_rates(right, rows, "difficulty", levels)
+    left.set_title("Verified paths by scenario")
+    right.set_title("By difficulty")
+    handles, labels = left.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=4)
+    figure.tight_layout(rect=(0.0, 0.06, 1.0, 1.0))
+    return figure
+
+
+def _draw_rates(axes: Axes, rows: Sequence[Row], column: str, names: Sequence[str]) -> None:
+    variants = _variants(rows)
+    groups = {(group[column], *_variant(group)): group for group in group_rows(rows, (column, "planner", "model"))}
+    thickness = 0.8 / len(variants)
+    for place, variant in enumerate(variants):
+        for position, name in enumerate(names):
+            if (name, *variant) not in groups:
+                continue
+            rate = groups[(name, *variant)]["verified"]
+            y = position + (place - 0.5 * (len(variants) - 1)) * thickness
+            label = _label(variant) if position == 0 else None
+            axes.barh(y, 100.0 * rate["value"], 0.85 * thickness, color=_COLOURS[place % len(_COLOURS)], label=label)
+            axes.plot([100.0 * rate["low"], 100.0 * rate["high"]], [y, y], color=plots.INK, linewidth=1.2)
+    axes.set_yticks(range(len(names)), [name.removesuffix(".toml") for name in names])
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 100.0)
+    axes.set_xlabel("verified (%), line: 95 % interval")
+    axes.grid(visible=False, axis="y")
+
+
+def draw_times(suite: Suite, rows: Sequence[Row]) -> Figure:
+    """Returns a figure of the share of queries whose path was found and verified within a time."""
+    figure = plots.new_figure(1000, 560, _DPI)
+    axes = figure.subplots()
+    longest = max(job.time_limit_s for job in suite.jobs)
+    shortest = longest
+    for place, variant in enumerate(_variants(rows)):
+        own = [row for row in rows if _variant(row) == variant]
+        times = np.sort([row["total_s"] for row in own if row["status"] == "verified" and row["total_s"] is not None])
+        share = 100.0 * np.arange(1, len(times) + 1) / len(own)
+        if len(times):
+            shortest = min(shortest, float(times[0]))
+        axes.step(
+            [*times, longest],
+            [*share, share[-1] if len(share) else 0.0],
+            where="post",
+            color=_COLOURS[place % len(_COLOURS)],
+            linestyle=_DASHES[place // len(_COLOURS) % len(_DASHES)],
+            label=f"{_label(variant)}: {len(times)} of {len(own)}",
+        )
+    axes.set_xscale("log")
+    axes.set_xlim(0.8 * max(shortest, 1e-3), longest)
+    axes.set_ylim(0.0, 102.0)
+    axes.set_xlabel("time for search, verification and repair (s)")
+    axes.set_ylabel("queries with a verified path (%)")
+    axes.set_title(f"{suite.title}: verified within a time")
+    axes.legend(loc="lower right")
+    figure.tight_layout()
+    return figure
+
+
+def draw_spread(suite: Suite, rows: Sequence[Row]) -> Figure:
+    """Returns a figure of planning time and tip travel of verified paths: median, quartiles and 10 to 90 %."""
+    variants = _variants(rows)
+    figure = plots.new_figure(1000, 200 + 60 * len(variants), _DPI)
+    for axes, column, factor, label in zip(
+        figure.subplots(1, 2, sharey=True),
+        ("plan_s", "tip_travel_m"),
+        (1.0, 1e3),
+        ("planning time (s)", "tip travel (mm)"),
+        strict=True,
+    ):
+        for place, variant in enumerate(variants):
+            own = [row[column] for row in rows if _variant(row) == variant and row["status"] == "verified"]
+            values = factor * np.array([value for value in own if value is not None], dtype=np.float64)
+            if not len(values):
+                continue
+            colour = _COLOURS[place % len(_COLOURS)]
+            low, first, middle, third, high = np.quantile(values, (0.1, 0.25, 0.5, 0.75, 0.9))
+            axes.plot([low, high], [place, place], color=colour, linewidth=1.5)
+            axes.plot([first, third], [place, place], color=colour, linewidth=9.0, alpha=0.45, solid_capstyle="butt")
+            axes.plot(middle, place, "o", color=colour)
+        axes.set_xlabel(f"{label}: median, 25 to 75 %, 10 to 90 %")
+        axes.set_yticks(range(len(variants)), [_label(variant) for variant in variants])
+        axes.set_ylim(-0.6, len(variants) - 0.4)
+        axes.grid(visible=False, axis="y")
+    figure.axes[0].set_title(f"{suite.title}: verified paths")
+    figure.tight_layout()
+    return figure
+
+
+def _variant(row: Row) -> tuple[str, str]:
+    return row["planner"], row["model"]
+
+
+def _variants(rows: Sequence[Row]) -> list[tuple[str, str]]:
+    return list(dict.fromkeys(_variant(row) for row in rows))
+
+
+def _label(variant: tuple[str, str]) -> str:
+    return f"{variant[0]}, {variant[1].replace('_', ' ')}"

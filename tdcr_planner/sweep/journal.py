@@ -1,0 +1,124 @@
+"""The journal: one file to which each finished job is appended, so that a sweep can be killed and go on."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+from tdcr_planner.errors import FormatError
+from tdcr_planner.sweep.suite import Suite
+
+JOURNAL_NAME = "jobs.jsonl"
+JOURNAL_FORMAT = "tdcr-sweep/1"
+
+
+class Journal:
+    """Records of finished jobs, on disk as soon as they are added.
+
+    Attributes:
+        path: The file: a header line, then a line a job.
+        records: The record of each finished job by its index.
+    """
+
+    def __init__(self, path: Path, stream: IO[bytes], records: dict[int, dict[str, Any]]) -> None:
+        """Use `open_journal`."""
+        self.path = path
+        self.records = records
+        self._stream = stream
+
+    def add(self, index: int, record: dict[str, Any]) -> None:
+        """Appends the record of a job; it is on disk when this returns.
+
+        Raises:
+            FormatError: The file cannot be written.
+        """
+        self._append({"job": index, **record})
+        self.records[index] = record
+
+    def _append(self, content: dict[str, Any]) -> None:
+        line = json.dumps(content, allow_nan=False).encode() + b"\n"
+        try:
+            self._stream.write(line)
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            raise FormatError(self.path, f"cannot be written: {error.strerror}") from error
+
+
+@contextlib.contextmanager
+def open_journal(folder: str | Path, suite: Suite) -> Iterator[Journal]:
+    """Opens the journal of a sweep in its output folder, with the records of earlier runs.
+
+    A last line that was cut short when an earlier run was killed is dropped. While it is open, no other process can
+    open it.
+
+    Args:
+        folder: The output folder, made when it is missing.
+        suite: The suite whose jobs it records.
+
+    Raises:
+        FormatError: The folder cannot be written, holds another sweep, or is in use by a running one.
+    """
+    path = Path(folder) / JOURNAL_NAME
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        stream = path.open("a+b")
+    except OSError as error:
+        raise FormatError(path.parent, f"cannot be written: {error.strerror}") from error
+    with stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise FormatError(path, "another sweep is writing into this folder at this moment") from error
+        lines = _complete_lines(stream)
+        journal = Journal(path, stream, _read_records(path, lines, suite))
+        if not lines:
+            journal._append({"format": JOURNAL_FORMAT, "suite_sha256": suite.sha256, "jobs": len(suite.jobs)})
+        yield journal
+
+
+def _complete_lines(stream: IO[bytes]) -> list[bytes]:
+    """Returns the lines that end in a line break, and cuts off what stands after them."""
+    stream.seek(0)
+    content = stream.read()
+    complete = content[: content.rfind(b"\n") + 1]
+    if len(complete) < len(content):
+        stream.truncate(len(complete))
+    return complete.splitlines()
+
+
+def _read_records(path: Path, lines: list[bytes], suite: Suite) -> dict[int, dict[str, Any]]:
+    if not lines:
+        return {}
+    content = [_parse(path, number, line) for number, line in enumerate(lines, start=1)]
+    header, entries = content[0], content[1:]
+    if header.get("format") != JOURNAL_FORMAT:
+        raise FormatError(path, f"expected format {JOURNAL_FORMAT!r}, got {header.get('format')!r}", "line 1")
+    if header.get("suite_sha256") != suite.sha256:
+        raise FormatError(
+            path,
+            f"the folder holds another sweep than {suite.path.name}: another suite, or its scenarios, models or meshes "
+            "have changed since; choose another folder, or delete this one to start anew",
+        )
+    records = {}
+    for number, entry in enumerate(entries, start=2):
+        index = entry.pop("job", None)
+        if not isinstance(index, int) or not 0 <= index < len(suite.jobs):
+            raise FormatError(path, f"expected a job from 0 to {len(suite.jobs) - 1}, got {index!r}", f"line {number}")
+        records[index] = entry
+    return records
+
+
+def _parse(path: Path, number: int, line: bytes) -> dict[str, Any]:
+    try:
+        content = json.loads(line)
+    except ValueError as error:
+        raise FormatError(path, f"is damaged: not JSON ({error})", f"line {number}") from error
+    if not isinstance(content, dict):
+        raise FormatError(path, f"is damaged: expected an object, got {type(content).__name__}", f"line {number}")
+    return content

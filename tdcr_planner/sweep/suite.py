@@ -1,0 +1,184 @@
+"""The suite: which scenarios, planners, shape models and seeds a sweep combines, read from TOML."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator
+
+from tdcr_planner.errors import FormatError, InputError
+from tdcr_planner.files import (
+    FileModel,
+    Positive,
+    parse_table,
+    read_toml,
+    sha256_of_file,
+    sha256_of_json,
+)
+from tdcr_planner.planning.ompl_planner import check_planner
+from tdcr_planner.planning.scenario import Scenario, Validity, load_scenario
+
+_LEVELS = ("easy", "medium", "hard")
+
+
+class SuiteEntry(FileModel):
+    """A scenario of a suite.
+
+    Attributes:
+        file: The scenario file, relative to the suite file; also the scenario's name in tables.
+        difficulty: A level by which results are grouped, for example "easy", "medium" or "hard".
+    """
+
+    file: Annotated[str, Field(min_length=1)]
+    difficulty: Annotated[str, Field(min_length=1)]
+
+
+class SuiteFile(FileModel):
+    """The content of a suite file.
+
+    Attributes:
+        scenarios: The scenarios.
+        planners: OMPL planners by name.
+        models: Shape models that the search asks.
+        seeds: Seeds of the search, each above 0.
+        time_limit_s: Time for each query in place of the scenarios' own.
+        title: What the suite is called.
+    """
+
+    format: Literal["tdcr-suite/1"]
+    scenarios: tuple[SuiteEntry, ...]
+    planners: tuple[str, ...]
+    models: tuple[Validity, ...]
+    seeds: tuple[Annotated[int, Field(ge=1, le=2**31 - 1)], ...]
+    time_limit_s: Positive | None = None
+    title: str = ""
+
+    @field_validator("scenarios", "planners", "models", "seeds")
+    @classmethod
+    def _check_list(cls, value: tuple[Any, ...]) -> tuple[Any, ...]:
+        if not value:
+            raise ValueError("expected one or more, got none: there would be nothing to do")
+        names = [item.file if isinstance(item, SuiteEntry) else item for item in value]
+        twice = sorted({str(name) for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"expected each once, got more than one of {', '.join(twice)}")
+        return value
+
+
+@dataclass(frozen=True)
+class SweepJob:
+    """One query of a sweep, complete in itself: any process that sees the files can run it.
+
+    Attributes:
+        index: Its place in the sweep, from 0.
+        scenario: The scenario's name: its file as the suite writes it.
+        path: The scenario file, absolute.
+        sha256: Hash of the scenario file that was meant.
+        difficulty: The scenario's level.
+        planner: OMPL planner.
+        model: Shape model that the search asks.
+        seed: Seed of the search.
+        time_limit_s: Time for the query, s.
+    """
+
+    index: int
+    scenario: str
+    path: str
+    sha256: str
+    difficulty: str
+    planner: str
+    model: Validity
+    seed: int
+    time_limit_s: float
+
+    @property
+    def name(self) -> str:
+        """The job for a person."""
+        return f"{self.scenario}, {self.planner}, {self.model}, seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A suite whose scenarios are loaded.
+
+    Attributes:
+        path: The suite file, absolute.
+        file: Its content.
+        jobs: What there is to do, scenario by scenario.
+        sha256: Hash of everything that decides the results: the suite and the files that it names, one by one.
+    """
+
+    path: Path
+    file: SuiteFile
+    jobs: tuple[SweepJob, ...]
+    sha256: str
+
+    @property
+    def title(self) -> str:
+        """What the suite is called."""
+        return self.file.title or self.path.stem
+
+    @property
+    def difficulties(self) -> tuple[str, ...]:
+        """The levels that occur, easy to hard, others after them in the suite's order."""
+        found = list(dict.fromkeys(entry.difficulty for entry in self.file.scenarios))
+        return tuple(sorted(found, key=lambda name: _LEVELS.index(name) if name in _LEVELS else len(_LEVELS)))
+
+
+def load_suite(path: str | Path) -> Suite:
+    """Returns the suite that a TOML file describes.
+
+    Raises:
+        FormatError: The suite, one of its scenarios or a file that they name is missing or not what it should be; a
+            planner or model is unknown; there is nothing to do.
+    """
+    file = Path(path).resolve()
+    content = parse_table(SuiteFile, read_toml(file), path)
+    for index, planner in enumerate(content.planners):
+        try:
+            check_planner(planner)
+        except InputError as error:
+            raise FormatError(path, f"expected {error.expected}; got {error.got}", f"planners[{index + 1}]") from error
+    scenarios = [_load_entry(file, entry, index, content) for index, entry in enumerate(content.scenarios)]
+    jobs = []
+    combinations = itertools.product(
+        zip(content.scenarios, scenarios, strict=True), content.planners, content.models, content.seeds
+    )
+    for index, ((entry, scenario), planner, model, seed) in enumerate(combinations):
+        limit = content.time_limit_s or scenario.planner.time_limit_s
+        job = SweepJob(
+            index, entry.file, str(scenario.path), scenario.sha256, entry.difficulty, planner, model, seed, limit
+        )
+        jobs.append(job)
+    return Suite(file, content, tuple(jobs), _hash(content, scenarios))
+
+
+def _load_entry(suite: Path, entry: SuiteEntry, index: int, content: SuiteFile) -> Scenario:
+    place = f"scenarios[{index + 1}].file"
+    target = (suite.parent / entry.file).resolve()
+    if not target.is_file():
+        raise FormatError(suite, f"no such file: {target}", place)
+    scenario = load_scenario(target)
+    if "learned" in content.models and scenario.shape_model_path is None:
+        raise FormatError(suite, f"models has 'learned', but {target} names no shape_model", place)
+    return scenario
+
+
+def _hash(content: SuiteFile, scenarios: Iterable[Scenario]) -> str:
+    table = content.model_dump(exclude={"title"})
+    inputs = []
+    for scenario in scenarios:
+        model = scenario.shape_model_path
+        inputs.append(
+            {
+                "scenario": scenario.sha256,
+                "robot": scenario.robot.mechanics_hash,
+                "model": None if model is None else sha256_of_file(model),
+                "meshes": [sha256_of_file(scenario.resolve(mesh.file)) for mesh in scenario.file.meshes],
+            }
+        )
+    return sha256_of_json({"suite": table, "inputs": inputs})

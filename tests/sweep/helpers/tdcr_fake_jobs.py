@@ -1,0 +1,39 @@
+"""Stands in for planning jobs: what a worker process imports when a test gives it one of these."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+
+def record(status="verified", **timing):
+    return {"status": status, "result": {"repairs": 0, "tip_travel_m": 0.1}, "timing": {"plan_s": 0.5, **timing}}
+
+
+def succeed(job):
+    return record(total_s=0.5 + 0.01 * job.index)
+
+
+def misbehave(job):
+    """Raises for seed 2, dies of a segmentation fault for seed 3, succeeds otherwise."""
+    if job.seed == 2:
+        raise ValueError("no such luck")
+    if job.seed == 3:
+        os.kill(os.getpid(), signal.SIGSEGV)
+    return succeed(job)
+
+
+def log_run(job):
+    """Leaves a line in a file beside the scenario, takes a while, and succeeds."""
+    with (Path(job.path).parent / "runs.txt").open("a") as stream:
+        stream.write(f"{job.index}\n")
+    time.sleep(0.15)
+    return succeed(job)
+
+
+def wait_for_ctrl_c(job):
+    """Succeeds for the first two jobs; the third sends Ctrl-C to the parent and never ends."""
+    if job.index == 2:
+        os.kill(os.getppid(), signal.SIGINT)
+        time.sleep(600.0)
+    return succeed(job)

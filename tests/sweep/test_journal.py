@@ -1,0 +1,86 @@
+import json
+
+import pytest
+
+from tdcr_planner.errors import FormatError
+from tdcr_planner.sweep.journal import JOURNAL_NAME, open_journal
+from tdcr_planner.sweep.suite import load_suite
+
+RECORD = {"status": "verified", "result": {}, "timing": {}}
+
+
+def test_records_come_back(suite, tmp_path):
+    with open_journal(tmp_path / "out", suite) as journal:
+        journal.add(4, RECORD)
+        journal.add(1, {**RECORD, "status": "no_path"})
+    with open_journal(tmp_path / "out", suite) as journal:
+        assert journal.records == {4: RECORD, 1: {**RECORD, "status": "no_path"}}
+
+
+def test_every_prefix_of_the_file_is_a_journal(suite, tmp_path):
+    with open_journal(tmp_path / "out", suite) as journal:
+        for index in range(3):
+            journal.add(index, RECORD)
+    path = tmp_path / "out" / JOURNAL_NAME
+    whole = path.read_bytes()
+    ends = [place for place, byte in enumerate(whole, start=1) if byte == ord("\n")]
+    for length in range(len(whole) + 1):
+        path.write_bytes(whole[:length])
+        with open_journal(tmp_path / "out", suite) as journal:
+            complete = sum(end <= length for end in ends)
+            assert sorted(journal.records) == list(range(max(complete - 1, 0)))
+            journal.add(5, RECORD)
+        header, *entries = [json.loads(line) for line in path.read_bytes().splitlines()]
+        assert header["suite_sha256"] == suite.sha256
+        assert entries[-1]["job"] == 5
+
+
+def test_refuses_the_folder_of_another_suite(suite, write_suite, tmp_path):
+    with open_journal(tmp_path / "out", suite) as journal:
+        journal.add(0, RECORD)
+    before = (tmp_path / "out" / JOURNAL_NAME).read_bytes()
+    other = load_suite(write_suite(seeds="[7]"))
+    with pytest.raises(FormatError, match="another sweep"), open_journal(tmp_path / "out", other):
+        pass
+    assert (tmp_path / "out" / JOURNAL_NAME).read_bytes() == before
+
+
+def test_refuses_a_folder_in_use(suite, tmp_path):
+    with (
+        open_journal(tmp_path / "out", suite),
+        pytest.raises(FormatError, match="at this moment"),
+        open_journal(tmp_path / "out", suite),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("{broken\n", ["line 2", "not JSON"]),
+        ("[1]\n", ["line 2", "object", "list"]),
+        ('{"job": 99}\n', ["line 2", "0 to 5", "99"]),
+        ('{"status": "verified"}\n', ["line 2", "None"]),
+    ],
+)
+def test_names_a_damaged_line(suite, tmp_path, line, words):
+    with open_journal(tmp_path / "out", suite):
+        pass
+    with (tmp_path / "out" / JOURNAL_NAME).open("a") as stream:
+        stream.write(line)
+    with pytest.raises(FormatError) as caught, open_journal(tmp_path / "out", suite):
+        pass
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_refuses_an_older_format(suite, tmp_path):
+    (tmp_path / JOURNAL_NAME).write_text('{"format": "tdcr-sweep/0"}\n')
+    with pytest.raises(FormatError, match="tdcr-sweep/1"), open_journal(tmp_path, suite):
+        pass
+
+
+def test_refuses_a_folder_that_cannot_be_made(suite, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FormatError, match="cannot be written"), open_journal(tmp_path / "file" / "out", suite):
+        pass

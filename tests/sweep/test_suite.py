@@ -1,0 +1,65 @@
+import itertools
+
+import pytest
+
+from tdcr_planner.errors import FormatError
+from tdcr_planner.sweep.suite import load_suite
+
+
+def test_jobs_are_the_product_in_the_suites_order(write_suite):
+    suite = load_suite(write_suite(planners='["RRTConnect", "RRT"]'))
+    expected = list(
+        itertools.product(("scenario.toml", "second.toml"), ("RRTConnect", "RRT"), ("constant_curvature",), (1, 2, 3))
+    )
+    assert [(job.scenario, job.planner, job.model, job.seed) for job in suite.jobs] == expected
+    assert [job.index for job in suite.jobs] == list(range(12))
+    assert suite.difficulties == ("easy", "hard")
+
+
+def test_time_limit_replaces_the_scenarios_own(write_suite):
+    assert {job.time_limit_s for job in load_suite(write_suite()).jobs} == {10.0}
+    assert {job.time_limit_s for job in load_suite(write_suite(time_limit_s="2.5")).jobs} == {2.5}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"planners": '["RRTconnect"]'}, ["planners[1]", "RRTConnect", "RRTconnect"]),
+        ({"planners": '["RRTConnect", "PRM"]'}, ["planners[2]", "PRM", "thread"]),
+        ({"models": '["learnt"]'}, ["models", "learned", "learnt"]),
+        ({"models": '["learned"]'}, ["scenarios[1].file", "shape_model"]),
+        (
+            {"scenarios": '[{file = "nowhere.toml", difficulty = "easy"}]'},
+            ["scenarios[1].file", "no such file", "nowhere"],
+        ),
+        ({"scenarios": "[]"}, ["scenarios", "nothing to do"]),
+        ({"planners": "[]"}, ["planners", "nothing to do"]),
+        ({"models": "[]"}, ["models", "nothing to do"]),
+        ({"seeds": "[]"}, ["seeds", "nothing to do"]),
+        ({"seeds": "[1, 1]"}, ["seeds", "each once", "1"]),
+        ({"seeds": "[0]"}, ["seeds", "0"]),
+        ({"scenarios": None}, ["scenarios", "missing"]),
+        ({"format": '"tdcr-suite/0"'}, ["format", "tdcr-suite/1", "tdcr-suite/0"]),
+        ({"timelimit_s": "3"}, ["timelimit_s", "time_limit_s"]),
+        ({"time_limit_s": "0"}, ["time_limit_s"]),
+    ],
+)
+def test_refuses_what_it_cannot_run(write_suite, changes, words):
+    with pytest.raises(FormatError) as caught:
+        load_suite(write_suite(**changes))
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_hash_follows_what_decides_the_results(write_suite, tmp_path):
+    original = load_suite(write_suite()).sha256
+    assert load_suite(write_suite(title='"another title"')).sha256 == original
+    assert load_suite(write_suite(seeds="[1, 2]")).sha256 != original
+    path = write_suite()
+    with (tmp_path / "scenario.toml").open("a") as stream:
+        stream.write("# a change\n")
+    assert load_suite(path).sha256 != original
+    path = write_suite()
+    with (tmp_path / "box.stl").open("ab") as stream:
+        stream.write(b"\n")
+    assert load_suite(path).sha256 != original
