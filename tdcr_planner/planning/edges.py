@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 
-from tdcr_planner.arrays import FloatArray, IntArray
-from tdcr_planner.planning.kernels import body_motion
+from tdcr_planner.arrays import FloatArray
+from tdcr_planner.planning.kernels import body_motion, fill_intervals
 from tdcr_planner.planning.validity import Cause, Shapes, ValidityChecker, disk_reaches
 
 _COARSE_STEPS = 4.0  # spacing of the first samples of an edge, in steps
@@ -84,8 +84,9 @@ class EdgeChecker:
         along = self._coarse(row_a, row_b, size)
         for _ in range(_MOST_ROUNDS):
             positions, rotations, _ = self.checker.world_poses(_between(row_a, row_b, along))
-            motion = np.nan_to_num(body_motion(positions, rotations, along, self._reaches))
-            added = _fill(along, motion, size)
+            order = np.arange(len(along))
+            motion = np.nan_to_num(body_motion(positions, rotations, along, order, self._reaches))
+            added = fill_intervals(along, order, motion, size)
             if not len(added) or len(along) + len(added) > _MOST_STATES:
                 break
             along = np.sort(np.concatenate([along, added]))
@@ -113,21 +114,22 @@ class EdgeChecker:
             return False
         if not self._ends_valid(row_a, row_b, shapes):
             return False
+        order = np.arange(len(along))
         tested = Shapes(shapes.codes[1:-1], shapes.positions[1:-1], shapes.rotations[1:-1])
         while True:
             if not self._all_free(tested):
                 return False
-            motion = body_motion(shapes.positions, shapes.rotations, along, self._reaches)
-            added = _fill(along, motion, self.step)
+            motion = body_motion(shapes.positions, shapes.rotations, along, order, self._reaches)
+            added = fill_intervals(along, order, motion, self.step)
             if not len(added):
                 return True
             if len(along) + len(added) > _MOST_STATES:
                 checker.rejected[Cause.EDGE] += 1
                 return False
             tested = checker.shapes(_between(row_a, row_b, added))
-            order = np.argsort(np.concatenate([along, added]), kind="stable")
-            along = np.concatenate([along, added])[order]
-            shapes = _merge(shapes, tested, order)
+            along = np.concatenate([along, added])
+            order = np.argsort(along, kind="stable")
+            shapes = _join(shapes, tested)
 
     def _ends_valid(self, row_a: FloatArray, row_b: FloatArray, shapes: Shapes) -> bool:
         """Tests the ends of an edge unless they are known, the far one first."""
@@ -167,21 +169,9 @@ def _between(row_a: FloatArray, row_b: FloatArray, along: FloatArray) -> FloatAr
     return np.asarray(rows)
 
 
-def _fill(along: FloatArray, motion: FloatArray, step: float) -> FloatArray:
-    """Returns the parameters to add so that intervals with more motion than step are split, shape (m,)."""
-    wide = np.flatnonzero(motion > step)
-    if not len(wide):
-        return np.empty(0)
-    parts = np.ceil(motion[wide] / (0.97 * step)).astype(np.int64)
-    starts = np.repeat(along[wide], parts - 1)
-    widths = np.repeat((along[wide + 1] - along[wide]) / parts, parts - 1)
-    first = np.repeat(np.cumsum(parts - 1) - (parts - 1), parts - 1)
-    return np.asarray(starts + widths * (np.arange(len(starts)) - first + 1))
-
-
-def _merge(old: Shapes, new: Shapes, order: IntArray) -> Shapes:
+def _join(old: Shapes, new: Shapes) -> Shapes:
     return Shapes(
-        np.concatenate([old.codes, new.codes])[order],
-        np.concatenate([old.positions, new.positions])[order],
-        np.concatenate([old.rotations, new.rotations])[order],
+        np.concatenate([old.codes, new.codes]),
+        np.concatenate([old.positions, new.positions]),
+        np.concatenate([old.rotations, new.rotations]),
     )

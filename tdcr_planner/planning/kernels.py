@@ -9,27 +9,40 @@ import numba
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray, IntArray
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.planning.spaces import ConfigurationSpace
 
 
-class TendonPairs(NamedTuple):
-    """Neighbouring tendons of each segment and what turns a bending vector into their tensions.
+class ActuationTables(NamedTuple):
+    """What turns configurations into actuations, as arrays for compiled code.
 
     Attributes:
-        segment: Segment of each pair, shape (pairs,).
-        tendons: The two tendons, shape (pairs, 2).
+        segment: Segment of each pair of neighbouring tendons, shape (pairs,).
+        tendons: The two tendons of each pair, shape (pairs, 2).
         inverse: Matrix from bending vector to the pair's tensions, shape (pairs, 2, 2).
         pretension: Added to every tendon, shape (t,), N.
+        limit: Largest tension of every tendon, shape (t,), N.
+        columns: Number of bending columns, and the columns of insertion and roll or -1, shape (3,).
+        base_position: Origin of the base frame at insertion 0, shape (3,), m, world frame.
+        base_rotation: world_from_base at roll 0, shape (3, 3).
+        gravity: Shape (3,), m/s^2, world frame.
+        tip_force: Shape (3,), N, world frame.
     """
 
     segment: IntArray
     tendons: IntArray
     inverse: FloatArray
     pretension: FloatArray
+    limit: FloatArray
+    columns: IntArray
+    base_position: FloatArray
+    base_rotation: FloatArray
+    gravity: FloatArray
+    tip_force: FloatArray
 
 
-def tendon_pairs(robot: RobotSpec) -> TendonPairs:
-    """Returns the neighbouring pairs of a robot's tendons; see `RobotSpec.tensions_from_bending`."""
+def actuation_tables(space: ConfigurationSpace, tolerance: float) -> ActuationTables:
+    """Returns the tables of a configuration space; tolerance, N, is added to the tension limits."""
+    robot = space.robot
     segments, tendons, inverses = [], [], []
     for index in range(robot.segment_count):
         columns = np.flatnonzero(robot.tendon_segments == index)
@@ -39,34 +52,73 @@ def tendon_pairs(robot: RobotSpec) -> TendonPairs:
             segments.append(index)
             tendons.append([left, right])
             inverses.append(np.linalg.inv(np.array([np.cos(angles), np.sin(angles)])))
-    return TendonPairs(np.array(segments), np.array(tendons), np.array(inverses), robot.pretensions)
+    bending = space.bending_count
+    insertion = bending if space.has_insertion else -1
+    roll = space.dimension - 1 if space.has_roll else -1
+    return ActuationTables(
+        np.array(segments),
+        np.array(tendons),
+        np.array(inverses),
+        robot.pretensions,
+        robot.max_tensions + tolerance,
+        np.array([bending, insertion, roll]),
+        *(np.ascontiguousarray(array) for array in space.world),
+    )
 
 
-@numba.njit(cache=True, fastmath=False)
-def tensions_of_bending(bending, segment, tendons, inverse, pretension):  # type: ignore[no-untyped-def]
-    """Returns the tensions of least sum, shape (n, t), N, of bending vectors (n, segments, 2), N.
+@numba.njit(cache=True)
+def actuate(rows, tables):  # type: ignore[no-untyped-def]
+    """Returns what `ConfigurationSpace.actuate` does, and which rows ask for too much tension.
 
-    The bending vector lies in the cone of exactly one neighbouring pair (two on their common border, which then give
-    the same tensions): the pair whose smaller tension is largest.
+    The bending vector lies in the cone of exactly one neighbouring pair of tendons (two on their common border, which
+    then give the same tensions): the pair whose smaller tension is largest.
+
+    Args:
+        rows: Configurations, shape (n, dimension).
+        tables: See `ActuationTables`.
+
+    Returns:
+        Tensions (n, t), gravity (n, 3), tip force (n, 3), base positions (n, 3), base rotations (n, 3, 3), and whether
+        a tension is over its limit (n,).
     """
-    count = bending.shape[0]
-    tensions = np.empty((count, pretension.shape[0]))
+    count = rows.shape[0]
+    tensions = np.empty((count, tables.pretension.shape[0]))
+    gravity, tip_force = np.empty((count, 3)), np.empty((count, 3))
+    positions, rotations = np.empty((count, 3)), np.empty((count, 3, 3))
+    over = np.zeros(count, dtype=np.bool_)
+    bending, insertion, roll = tables.columns
+    base = tables.base_rotation
     for row in range(count):
-        tensions[row] = pretension
-        for index in range(bending.shape[1]):
-            x, y = bending[row, index, 0], bending[row, index, 1]
+        tensions[row] = tables.pretension
+        for index in range(bending // 2):
+            x, y = rows[row, 2 * index], rows[row, 2 * index + 1]
             best, best_pair, best_first, best_second = -np.inf, 0, 0.0, 0.0
-            for pair in range(segment.shape[0]):
-                if segment[pair] != index:
+            for pair in range(tables.segment.shape[0]):
+                if tables.segment[pair] != index:
                     continue
-                first = inverse[pair, 0, 0] * x + inverse[pair, 0, 1] * y
-                second = inverse[pair, 1, 0] * x + inverse[pair, 1, 1] * y
-                smaller = min(first, second)
-                if smaller > best:
-                    best, best_pair, best_first, best_second = smaller, pair, first, second
-            tensions[row, tendons[best_pair, 0]] += max(best_first, 0.0)
-            tensions[row, tendons[best_pair, 1]] += max(best_second, 0.0)
-    return tensions
+                first = tables.inverse[pair, 0, 0] * x + tables.inverse[pair, 0, 1] * y
+                second = tables.inverse[pair, 1, 0] * x + tables.inverse[pair, 1, 1] * y
+                if min(first, second) > best:
+                    best, best_pair, best_first, best_second = min(first, second), pair, first, second
+            tensions[row, tables.tendons[best_pair, 0]] += max(best_first, 0.0)
+            tensions[row, tables.tendons[best_pair, 1]] += max(best_second, 0.0)
+        for tendon in range(tensions.shape[1]):
+            over[row] |= tensions[row, tendon] > tables.limit[tendon]
+        angle = rows[row, roll] if roll >= 0 else 0.0
+        travel = rows[row, insertion] if insertion >= 0 else 0.0
+        cosine, sine = math.cos(angle), math.sin(angle)
+        for i in range(3):
+            positions[row, i] = tables.base_position[i] + travel * base[i, 2]
+            rotations[row, i, 0] = base[i, 0] * cosine + base[i, 1] * sine
+            rotations[row, i, 1] = base[i, 1] * cosine - base[i, 0] * sine
+            rotations[row, i, 2] = base[i, 2]
+        for i in range(3):
+            pull, push = 0.0, 0.0
+            for j in range(3):
+                pull += rotations[row, j, i] * tables.gravity[j]
+                push += rotations[row, j, i] * tables.tip_force[j]
+            gravity[row, i], tip_force[row, i] = pull, push
+    return tensions, gravity, tip_force, positions, rotations, over
 
 
 @numba.njit(cache=True)
@@ -105,7 +157,7 @@ def to_world(positions, rotations, base_positions, base_rotations):  # type: ign
 
 
 @numba.njit(cache=True)
-def body_motion(positions, rotations, parameters, reaches):  # type: ignore[no-untyped-def]
+def body_motion(positions, rotations, parameters, order, reaches):  # type: ignore[no-untyped-def]
     """Returns how far the body may stray from the nearer of two neighbouring states, doubled, between each two.
 
     A point of disk k at distance rho <= reaches[k] from its centre moves by at most |dp| + rho 2 sin(angle / 2), and
@@ -117,44 +169,65 @@ def body_motion(positions, rotations, parameters, reaches):  # type: ignore[no-u
     Args:
         positions: Disk centres along an edge, shape (n, d, 3), m, n of 3 or more.
         rotations: Shape (n, d, 3, 3).
-        parameters: Where on the edge, increasing, shape (n,).
+        parameters: Where on the edge, shape (n,).
+        order: Indices that put the parameters in increasing order, shape (n,).
         reaches: Largest distance of a point from its disk's centre, shape (d,), m.
 
     Returns:
-        Shape (n - 1,), m: for each interval max over disks of |dx| + h^2 / 2 |x''|.
+        Shape (n - 1,), m: for each interval of the ordered states max over disks of |dx| + h^2 / 2 |x''|.
     """
     count, disks = positions.shape[0], positions.shape[1]
-    chord = np.zeros((count - 1, disks))
-    bend = np.zeros((count, disks))
-    root = math.sqrt(2.0)
-    for row in range(count - 1):
-        for disk in range(disks):
-            shift, turn = 0.0, 0.0
-            for i in range(3):
-                shift += (positions[row + 1, disk, i] - positions[row, disk, i]) ** 2
-                for j in range(3):
-                    turn += (rotations[row + 1, disk, i, j] - rotations[row, disk, i, j]) ** 2
-            chord[row, disk] = math.sqrt(shift) + reaches[disk] * math.sqrt(turn) / root
-    for row in range(1, count - 1):
-        before, after = parameters[row] - parameters[row - 1], parameters[row + 1] - parameters[row]
-        for disk in range(disks):
-            shift, turn = 0.0, 0.0
-            for i in range(3):
-                slope = (positions[row + 1, disk, i] - positions[row, disk, i]) / after
-                slope -= (positions[row, disk, i] - positions[row - 1, disk, i]) / before
-                shift += slope * slope
-                for j in range(3):
-                    slope = (rotations[row + 1, disk, i, j] - rotations[row, disk, i, j]) / after
-                    slope -= (rotations[row, disk, i, j] - rotations[row - 1, disk, i, j]) / before
-                    turn += slope * slope
-            bend[row, disk] = (math.sqrt(shift) + reaches[disk] * math.sqrt(turn)) * 2.0 / (before + after)
     motion = np.zeros(count - 1)
-    for row in range(count - 1):
-        width = parameters[row + 1] - parameters[row]
-        for disk in range(disks):
-            curvature = max(bend[row, disk], bend[row + 1, disk])
-            motion[row] = max(motion[row], chord[row, disk] + 0.5 * width * width * curvature)
+    half = math.sqrt(0.5)
+    slopes = np.empty((count - 1, 12))
+    chord, bend = np.empty(count - 1), np.zeros(count)
+    for disk in range(disks):
+        for row in range(count - 1):
+            here, there = order[row], order[row + 1]
+            width = parameters[there] - parameters[here]
+            shift, turn = 0.0, 0.0
+            for i in range(3):
+                step = positions[there, disk, i] - positions[here, disk, i]
+                slopes[row, i] = step / width
+                shift += step * step
+                for j in range(3):
+                    step = rotations[there, disk, i, j] - rotations[here, disk, i, j]
+                    slopes[row, 3 + 3 * i + j] = step / width
+                    turn += step * step
+            chord[row] = math.sqrt(shift) + reaches[disk] * half * math.sqrt(turn)
+        for row in range(1, count - 1):
+            shift, turn = 0.0, 0.0
+            for i in range(3):
+                shift += (slopes[row, i] - slopes[row - 1, i]) ** 2
+            for i in range(3, 12):
+                turn += (slopes[row, i] - slopes[row - 1, i]) ** 2
+            both = parameters[order[row + 1]] - parameters[order[row - 1]]
+            bend[row] = (math.sqrt(shift) + reaches[disk] * math.sqrt(turn)) * 2.0 / both
+        for row in range(count - 1):
+            width = parameters[order[row + 1]] - parameters[order[row]]
+            value = chord[row] + 0.5 * width * width * max(bend[row], bend[row + 1])
+            motion[row] = max(motion[row], value)
     return motion
+
+
+@numba.njit(cache=True)
+def fill_intervals(parameters, order, motion, step):  # type: ignore[no-untyped-def]
+    """Returns the parameters to add so that intervals with more motion than step are split evenly, shape (m,)."""
+    parts = np.ceil(motion / (0.97 * step)).astype(np.int64)
+    missing = 0
+    for row in range(motion.shape[0]):
+        if motion[row] > step:
+            missing += max(parts[row], 2) - 1
+    added = np.empty(missing)
+    place = 0
+    for row in range(motion.shape[0]):
+        if motion[row] > step:
+            start, end = parameters[order[row]], parameters[order[row + 1]]
+            pieces = max(parts[row], 2)
+            for piece in range(1, pieces):
+                added[place] = start + (end - start) * piece / pieces
+                place += 1
+    return added
 
 
 @numba.njit(cache=True)

@@ -59,6 +59,11 @@ class ConfigurationSpace:
         self.upper: FloatArray = np.array([high for _, high in bounds])
         self.dimension = len(bounds)
 
+    @property
+    def world(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """What stays the same for all configurations, world frame: base position and rotation, gravity, tip force."""
+        return self._base_position, self._base_rotation, self._gravity, self._tip_force
+
     def _bending_bounds(self) -> list[float]:
         """Largest length of a segment's bending vector within the tension limits, N.
 
@@ -96,15 +101,12 @@ class ConfigurationSpace:
 
     def actuate(self, rows: FloatArray) -> Actuation:
         """Returns tensions, loads in the base frame and base poses of rows (n, dimension)."""
-        return Actuation(self.robot.tensions_from_bending(self.bending(rows)), *self.base_poses(rows))
-
-    def base_poses(self, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Returns gravity, tip force (base frame), base positions and base rotations of rows; see `Actuation`."""
         base_rotations = self._base_rotation @ rotation_about_z(self.roll(rows))
         base_positions = self._base_position + self.insertion(rows)[:, None] * self._base_rotation[:, 2]
-        return (
-            np.einsum("nji,j->ni", base_rotations, self._gravity),
-            np.einsum("nji,j->ni", base_rotations, self._tip_force),
-            base_positions,
-            base_rotations,
+        return Actuation(
+            tensions=self.robot.tensions_from_bending(self.bending(rows)),
+            gravity=np.einsum("nji,j->ni", base_rotations, self._gravity),
+            tip_force=np.einsum("nji,j->ni", base_rotations, self._tip_force),
+            base_positions=base_positions,
+            base_rotations=base_rotations,
         )

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import BoolArray, FloatArray
-from tdcr_planner.planning.kernels import gap_curvatures, tendon_pairs, tensions_of_bending, to_world
+from tdcr_planner.planning.kernels import actuate, actuation_tables, gap_curvatures, to_world
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
@@ -107,7 +107,7 @@ class ValidityChecker:
         self.states_checked = 0
         self.rejected: dict[Cause, int] = dict.fromkeys(CAUSES, 0)
         self._ruled_out: list[tuple[FloatArray, float]] = []
-        self._pairs = tendon_pairs(self.robot)
+        self._tables = actuation_tables(space, _TENSION_TOLERANCE_N)
         self._limits = RobotLimits(self.robot)
         self._disk_poses = getattr(model, "disk_poses_unchecked", None) or _checked_poses(model)
 
@@ -136,16 +136,13 @@ class ValidityChecker:
 
     def actuate(self, rows: FloatArray) -> Actuation:
         """Returns what `ConfigurationSpace.actuate` returns, by compiled code."""
-        base = self.space.base_poses(rows)
-        bending = np.ascontiguousarray(rows[:, : self.space.bending_count]).reshape(len(rows), -1, 2)
-        return Actuation(tensions_of_bending(bending, *self._pairs), *base)
+        return Actuation(*actuate(rows, self._tables)[:5])
 
     def shapes(self, rows: FloatArray) -> Shapes:
         """Returns the shapes of rows (n, dimension) after every test but the scene's."""
-        actuation = self.actuate(rows)
-        codes = np.zeros(len(rows), dtype=np.int8)
-        over = (actuation.tensions > self.robot.max_tensions + _TENSION_TOLERANCE_N).any(axis=1)
-        codes[over] = Cause.TENSION_LIMIT.code
+        *parts, over = actuate(rows, self._tables)
+        actuation = Actuation(*parts)
+        codes = over * np.int8(Cause.TENSION_LIMIT.code)
         for centre, radius in self._ruled_out:
             near = (np.abs((rows - centre) * self.motion_scale).max(axis=1) < radius) & (codes == 0)
             codes[near] = Cause.RULED_OUT.code
