@@ -206,6 +206,15 @@ class Verifier:
                 failure = self._judge_states(states)
         return self._report(states, failure), states
 
+    def judge_each(self, rows: FloatArray) -> tuple[BoolArray, SolvedStates]:
+        """Returns which states the reference accepts by themselves, shape (k,), and the states it solved.
+
+        What lies between them is not judged: the rows may be any configurations, shape (k, dimension).
+        """
+        states = self._solve(rows)
+        clear = np.nan_to_num(states.clearance, nan=-np.inf) >= self.clearance
+        return np.asarray(states.converged & states.stable & self._in_limits(states) & clear), states
+
     def _solve(self, rows: FloatArray) -> SolvedStates:
         actuation = self.space.actuate(rows)
         solution: RodSolution = solve_statics(
