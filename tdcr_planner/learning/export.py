@@ -1,0 +1,68 @@
+"""Writing a shape model: TorchScript, card and plain weights in one file."""
+
+from __future__ import annotations
+
+import io
+import platform
+import warnings
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from tdcr_planner.learning.checkpoint import write_bytes
+from tdcr_planner.shape.card import ModelCard
+from tdcr_planner.shape.learned import CARD_FILE, WEIGHTS_FILE
+from tdcr_planner.shape.shooting import ShootingWeights
+
+UNITS = {"tensions": "N", "gravity": "m/s^2", "tip_force": "N", "positions": "m", "rotations": "1"}
+
+
+def script_module(network: nn.Module) -> torch.jit.ScriptModule:
+    """Returns a network as TorchScript."""
+    with warnings.catch_warnings():
+        # TorchScript is the model format; torch deprecates it without a replacement that C++ can load.
+        warnings.filterwarnings("ignore", message=r"`torch\.jit\..*` is deprecated", category=DeprecationWarning)
+        return torch.jit.script(network.cpu().eval())
+
+
+def write_model(path: Path, network: nn.Module, card: ModelCard, weights: ShootingWeights | None) -> None:
+    """Writes a model file, whole or not at all.
+
+    Args:
+        path: The file.
+        network: The trained network; its `forward` maps tensions, gravity and tip force to positions and rotations.
+        card: Its card.
+        weights: The weights for the compiled path; None for a network that has none.
+    """
+    extra: dict[str, bytes | str] = {CARD_FILE: card.model_dump_json(indent=1)}
+    if weights is not None:
+        extra[WEIGHTS_FILE] = _weights_as_bytes(weights)
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=r"`torch\.jit\..*` is deprecated", category=DeprecationWarning)
+        torch.jit.save(script_module(network), buffer, _extra_files=extra)
+    write_bytes(path, buffer.getvalue())
+
+
+def library_versions() -> dict[str, str]:
+    """Returns the versions of what makes a model."""
+    names = ("tdcr-planner", "torch", "numpy", "numba")
+    return {"python": platform.python_version(), **{name: version(name) for name in names}}
+
+
+def _weights_as_bytes(weights: ShootingWeights) -> bytes:
+    arrays: dict[str, np.ndarray] = {
+        "features": weights.features,
+        "load_scale": weights.load_scale,
+        "layers": np.array(len(weights.matrices)),
+        "corrections": np.array(weights.corrections),
+    }
+    for index, (matrix, bias) in enumerate(zip(weights.matrices, weights.biases, strict=True)):
+        arrays[f"matrix_{index}"] = matrix
+        arrays[f"bias_{index}"] = bias
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()

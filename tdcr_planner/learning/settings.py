@@ -1,0 +1,229 @@
+"""The settings of a training: what train.toml may say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from tdcr_planner.files import FileModel, NotNegative, Positive, parse_table, read_toml
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.shape.card import Domain
+
+Count = Annotated[int, Field(ge=1)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class DomainSettings(FileModel):
+    """The inputs that the model shall answer for.
+
+    Attributes:
+        tension_share: Part of each tendon's limit up to which the model is trained, above 0 to 1.
+        gravity_m_s2: Largest gravity, in any direction.
+        tip_force_n: Largest tip force, in any direction.
+    """
+
+    tension_share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    gravity_m_s2: NotNegative = 9.81
+    tip_force_n: NotNegative = 0.05
+
+    def for_robot(self, robot: RobotSpec) -> Domain:
+        """Returns the domain for a robot's tension limits."""
+        return Domain(
+            max_tension_n=tuple(float(limit) for limit in self.tension_share * robot.max_tensions),
+            gravity_m_s2=self.gravity_m_s2,
+            tip_force_n=self.tip_force_n,
+        )
+
+
+class DatasetSettings(FileModel):
+    """How many cases and how they are drawn.
+
+    Attributes:
+        cases: Training cases.
+        validation_cases: Cases on which the best epoch is chosen.
+        planner_share: Part of the cases drawn as the planner meets them (tensions of least sum); the rest is uniform.
+        threads: Threads of the reference solver; the cases do not depend on it.
+    """
+
+    cases: Count = 120_000
+    validation_cases: Count = 4_000
+    planner_share: Share = 0.5
+    threads: Count = 2
+
+
+class ShootingSettings(FileModel):
+    """The `shooting` network.
+
+    Attributes:
+        hidden: Width of each hidden layer.
+        corrections: Number of learned Newton steps.
+    """
+
+    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (64, 64, 64)
+    corrections: Annotated[int, Field(ge=0, le=5)] = 1
+
+
+class OptimiserSettings(FileModel):
+    """AdamW with a one-cycle learning rate.
+
+    Attributes:
+        epochs: Passes through the training cases.
+        batch_size: Cases a step.
+        learning_rate: Peak of the cycle.
+        warm_up: Part of all steps in which the rate rises.
+        weight_decay: AdamW's weight decay.
+    """
+
+    epochs: Count = 60
+    batch_size: Count = 1024
+    learning_rate: Positive = 4e-3
+    warm_up: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.15
+    weight_decay: NotNegative = 1e-6
+
+
+class LossSettings(FileModel):
+    """Weights of the parts of the loss; a part of weight 0 is left out.
+
+    Attributes:
+        physics: Residual of the cut form, the moment left over at the tip; needs no labels.
+        reference: Distance of the base moment from that of the reference solver.
+        measured: Distance of the shapes from measured points; it decides how far the robot's stiffness may move from
+            the robot file's, see `learning.measured`.
+        inverse: Factor on the inverse Jacobian's share in the first two parts.
+    """
+
+    physics: NotNegative = 0.1
+    reference: NotNegative = 1.0
+    measured: NotNegative = 0.0
+    inverse: NotNegative = 0.01
+
+    @model_validator(mode="after")
+    def _check_any(self) -> LossSettings:
+        if self.physics == 0.0 and self.reference == 0.0:
+            raise ValueError("expected physics or reference above 0: nothing would be learned")
+        return self
+
+
+class MeasuredSettings(FileModel):
+    """Measured shapes for fine-tuning.
+
+    Attributes:
+        file: The CSV; see `learning.measured.read_measured_shapes`.
+        noise_m: Standard deviation of a measured coordinate.
+        start_from: A model of this robot from which the weights start; None starts from nothing.
+    """
+
+    file: Path
+    noise_m: Positive = 5e-4
+    start_from: Path | None = None
+
+
+class BoundSettings(FileModel):
+    """The error bound by split conformal prediction.
+
+    Attributes:
+        alpha: Probability with which a fresh case may exceed it.
+        cases: Calibration cases of each sample.
+    """
+
+    alpha: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.001
+    cases: Count = 20_000
+
+    @model_validator(mode="after")
+    def _check_cases(self) -> BoundSettings:
+        if (self.cases + 1) * self.alpha < 1.0:
+            raise ValueError(f"alpha = {self.alpha:g} needs at least {int(1.0 / self.alpha)} cases, got {self.cases}")
+        return self
+
+
+class PaperSettings(FileModel):
+    """The published network of Bensch et al. 2024 and its training; equation numbers are the paper's.
+
+    Attributes:
+        hidden: Width of each hidden layer: the first with SiLU, the others with tanh.
+        epochs: Epochs in all, of which the first `cycle_epochs` follow the one-cycle schedule.
+        cycle_epochs: Epochs of the one-cycle schedule; after them the rate falls on plateaus.
+        learning_rate: Peak of the cycle.
+        batch_size: Actuations a step.
+        weight_decay: AdamW's weight decay.
+        plateau_factor: Factor on the rate when the loss has not fallen.
+        plateau_patience: Epochs to wait for a fall.
+        collocation_points: Arc lengths a case, between base and tip.
+        actuations: Actuations in the sector of 60 degrees.
+        label_share: Part of the actuations with a reference shape.
+        worst: Actuations of largest loss around which new ones are drawn.
+        resample_every: Epochs between two such draws.
+        resample_count: Actuations drawn around each of the worst.
+        resample_spread: Standard deviation of the draw, as a share of the largest tension.
+        weight_balance: Weight of the equilibrium residual, (15).
+        weight_kinematics: Weight of p' = R e3 and R' = R [u]x, (16).
+        weight_boundary: Weight of the boundary conditions, (17).
+        weight_position: Weight of the position error, (18).
+        weight_rotation: Weight of the rotation distance, (19) and (20).
+        weight_arc_length: Weight of the arc length, (21).
+    """
+
+    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (100, 100, 100)
+    epochs: Count = 200
+    cycle_epochs: Count = 150
+    learning_rate: Positive = 1.5e-4
+    batch_size: Count = 16
+    weight_decay: NotNegative = 0.01
+    plateau_factor: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.5
+    plateau_patience: Count = 10
+    collocation_points: Count = 21
+    actuations: Count = 500
+    label_share: Share = 1.0
+    worst: Count = 10
+    resample_every: Count = 10
+    resample_count: Count = 5
+    resample_spread: Positive = 0.02
+    weight_balance: NotNegative = 1.0
+    weight_kinematics: NotNegative = 1.0
+    weight_boundary: NotNegative = 10.0
+    weight_position: NotNegative = 1.0
+    weight_rotation: NotNegative = 1.0
+    weight_arc_length: NotNegative = 1.0
+
+
+class TrainSettings(FileModel):
+    """Everything that train.toml may say."""
+
+    format: Literal["tdcr-train/1"] = "tdcr-train/1"
+    network: Literal["shooting", "paper"] = "shooting"
+    seed: Annotated[int, Field(ge=0)] = 1
+    domain: DomainSettings = DomainSettings()
+    dataset: DatasetSettings = DatasetSettings()
+    shooting: ShootingSettings = ShootingSettings()
+    optimiser: OptimiserSettings = OptimiserSettings()
+    loss: LossSettings = LossSettings()
+    measured: MeasuredSettings | None = None
+    bound: BoundSettings = BoundSettings()
+    paper: PaperSettings = PaperSettings()
+
+    _folder: Path = PrivateAttr(default=Path())
+
+    @model_validator(mode="after")
+    def _check_measured(self) -> TrainSettings:
+        if (self.measured is None) != (self.loss.measured == 0.0):
+            raise ValueError("expected both a table [measured] and loss.measured above 0, or neither")
+        return self
+
+    def resolve(self, path: Path) -> Path:
+        """Returns a path of this file as seen from where the program runs: relative ones start at the file's folder."""
+        return path if path.is_absolute() else self._folder / path
+
+
+def load_train_settings(path: str | Path | None) -> TrainSettings:
+    """Returns the settings of a train.toml; None gives the defaults.
+
+    Raises:
+        FormatError: Names every unknown key or bad value and what would be valid.
+    """
+    if path is None:
+        return TrainSettings()
+    settings = parse_table(TrainSettings, read_toml(path), path)
+    settings._folder = Path(path).parent
+    return settings

@@ -1,0 +1,155 @@
+"""The card of a learned shape model: what it was made for, where it holds, and how far it can be trusted."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from tdcr_planner.files import FileModel, NotNegative, Positive
+from tdcr_planner.robot import RobotSpec
+
+CARD_FORMAT = "tdcr-shape-model/1"
+
+
+class Domain(FileModel):
+    """The inputs that a model answers for: all tensions from 0 to their limit, loads in any direction.
+
+    Attributes:
+        max_tension_n: Largest tension of each tendon.
+        gravity_m_s2: Largest gravity.
+        tip_force_n: Largest tip force.
+    """
+
+    max_tension_n: tuple[Positive, ...]
+    gravity_m_s2: NotNegative
+    tip_force_n: NotNegative
+
+
+class Accuracy(FileModel):
+    """Errors against the reference on cases that took no part in the training; lists have one entry a disk.
+
+    Attributes:
+        sample: How the cases were drawn: "uniform" in the domain, or "planner" (tensions of least sum, full gravity).
+        cases: How many.
+        position_median_mm: Median position error.
+        position_p99_mm: 99th percentile of the position error.
+        position_max_mm: Largest position error.
+        rotation_median_deg: Median rotation error.
+        rotation_max_deg: Largest rotation error.
+        overall: Over all disks but the base: the figures above and the residual of the cut form, by name.
+    """
+
+    sample: Literal["uniform", "planner"]
+    cases: int
+    position_median_mm: tuple[float, ...]
+    position_p99_mm: tuple[float, ...]
+    position_max_mm: tuple[float, ...]
+    rotation_median_deg: tuple[float, ...]
+    rotation_max_deg: tuple[float, ...]
+    overall: dict[str, float]
+
+
+class ErrorBound(FileModel):
+    """A bound on the error of every disk at once, by split conformal prediction (Vovk et al. 2005, ch. 4).
+
+    Attributes:
+        alpha: A fresh case of either sample exceeds the bound at some disk with at most this probability.
+        cases: Calibration cases of each sample; the larger of the two bounds is stated.
+        disk_m: Bound of each disk: centre error plus disk radius times the rotation's chord.
+        residual_limit_nm: A case that leaves a larger moment at the tip counts as not solved; None for no limit.
+    """
+
+    alpha: Annotated[float, Field(gt=0.0, lt=1.0)]
+    cases: int
+    disk_m: tuple[NotNegative, ...]
+    residual_limit_nm: Positive | None
+
+
+class Calibration(FileModel):
+    """What measured shapes said about the robot that the model was made for.
+
+    Attributes:
+        measured_file: Name of the CSV file.
+        shapes: How many measured shapes.
+        stiffness_scale: Identified factor on Young's modulus of the robot file.
+        rms_before_mm: Root mean square distance of the measured points from the shapes before.
+        rms_after_mm: The same after.
+    """
+
+    measured_file: str
+    shapes: int
+    stiffness_scale: float
+    rms_before_mm: float
+    rms_after_mm: float
+
+
+class ModelCard(FileModel):
+    """Everything a model file says about itself.
+
+    Attributes:
+        format: Version of the card.
+        network: "shooting" or "paper".
+        robot: The robot that the model was made for.
+        robot_mechanics_hash: Its `RobotSpec.mechanics_hash`.
+        units: Unit of each input and output.
+        domain: Inputs that the model answers for.
+        disk_arc_lengths_m: Arc length of each disk, base included.
+        training: The settings that made it, as train.toml has them.
+        accuracy: Errors on held-out cases.
+        error_bound: Bound on the error of each disk.
+        calibration: Measured shapes that were used, if any.
+        libraries: Versions that made it.
+    """
+
+    format: Literal["tdcr-shape-model/1"]
+    network: Literal["shooting", "paper"]
+    robot: RobotSpec
+    robot_mechanics_hash: str
+    units: dict[str, str]
+    domain: Domain
+    disk_arc_lengths_m: tuple[float, ...]
+    training: dict[str, Any]
+    accuracy: tuple[Accuracy, ...]
+    error_bound: ErrorBound
+    calibration: Calibration | None = None
+    libraries: dict[str, str]
+
+    @model_validator(mode="after")
+    def _check_consistency(self) -> ModelCard:
+        if self.robot.mechanics_hash != self.robot_mechanics_hash:
+            raise ValueError("the robot in the card does not have the hash that the card states")
+        if len(self.error_bound.disk_m) != self.robot.disk_count:
+            raise ValueError(
+                f"expected a bound for each of {self.robot.disk_count} disks, got {len(self.error_bound.disk_m)}"
+            )
+        if len(self.domain.max_tension_n) != self.robot.tendon_count:
+            raise ValueError(
+                f"expected a limit for each of {self.robot.tendon_count} tendons, got {len(self.domain.max_tension_n)}"
+            )
+        return self
+
+    def describe(self) -> str:
+        """Returns the card as text for people."""
+        bound, domain = self.error_bound, self.domain
+        tensions = ", ".join(f"{limit:g}" for limit in domain.max_tension_n)
+        lines = [
+            f"shape model ({self.network}) of robot {self.robot.name!r}, mechanics {self.robot_mechanics_hash[:12]}",
+            f"domain: tensions 0 to {tensions} N; gravity 0 to {domain.gravity_m_s2:g} m/s^2 and tip force 0 to "
+            f"{domain.tip_force_n:g} N in any direction",
+        ]
+        for accuracy in self.accuracy:
+            overall = ", ".join(f"{name} {value:.3g}" for name, value in accuracy.overall.items())
+            lines.append(f"errors on {accuracy.cases} held-out cases ({accuracy.sample}): {overall}")
+        lines.append(
+            f"error bound (exceeded by at most {bound.alpha:g} of cases): "
+            f"{1e3 * bound.disk_m[-1]:.3g} mm at the tip, {1e3 * max(bound.disk_m):.3g} mm at most"
+        )
+        if self.calibration is not None:
+            lines.append(
+                f"calibrated on {self.calibration.shapes} measured shapes of {self.calibration.measured_file}: "
+                f"stiffness times {self.calibration.stiffness_scale:.4g}, rms {self.calibration.rms_before_mm:.3g} mm "
+                f"to {self.calibration.rms_after_mm:.3g} mm"
+            )
+        lines.append("made with " + ", ".join(f"{name} {version}" for name, version in self.libraries.items()))
+        return "\n".join(lines)

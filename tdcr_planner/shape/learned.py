@@ -1,0 +1,274 @@
+"""The learned shape model: reading its file, refusing what it was not made for, and answering fast."""
+
+from __future__ import annotations
+
+import io
+import json
+import warnings
+import zipfile
+import zlib
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import ValidationError
+
+from tdcr_planner.arrays import BoolArray, FloatArray, check_array, check_batch
+from tdcr_planner.errors import DomainError, FormatError, InputError, RobotMismatchError
+from tdcr_planner.files import parse_table, sha256_of_file
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.shape.base import DiskPoses
+from tdcr_planner.shape.card import ModelCard
+from tdcr_planner.shape.rod_kernel import rod_constants, rod_constants_at
+from tdcr_planner.shape.shooting import ShootingFunction, ShootingWeights
+
+if TYPE_CHECKING:
+    import torch
+
+CARD_FILE = "card.json"
+WEIGHTS_FILE = "weights.npz"
+
+# Rotating a vector may lengthen it by rounding; a load at the limit is still inside.
+_SLACK = 1e-9
+
+
+class LearnedShape:
+    """A trained model as a `ShapeModel`.
+
+    Attributes:
+        robot: The robot, with the limits of whoever loaded the model.
+        card: What the model says about itself.
+        error_bound: Shape (d,), m: covers every point of disk d (centre error plus disk radius times rotation chord)
+            with probability 1 - alpha, all disks at once.
+        path: The model file.
+        sha256: Hash of the model file.
+    """
+
+    name = "learned"
+
+    def __init__(self, path: Path, card: ModelCard, robot: RobotSpec, weights: ShootingWeights | None) -> None:
+        """Prepares a model; use `load_shape_model`."""
+        self.path = path
+        self.card = card
+        self.robot = robot
+        self.sha256 = sha256_of_file(path)
+        # The bound's rotation part grows with the disk radius, which a robot may change without a new training.
+        growth = np.maximum(1.0, robot.disk_radii / card.robot.disk_radii)
+        self.error_bound: FloatArray = np.asarray(card.error_bound.disk_m) * growth
+        self._max_tensions = np.asarray(card.domain.max_tension_n)
+        limit = card.error_bound.residual_limit_nm
+        self._residual_limit = np.inf if limit is None else limit
+        self._function = None if weights is None else ShootingFunction(rod_constants(card.robot), weights)
+
+    @cached_property
+    def torch_module(self) -> torch.jit.ScriptModule:
+        """The TorchScript module of the same weights."""
+        return load_torch_module(self.path)
+
+    def in_domain(self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> BoolArray:
+        """Returns which rows lie inside the model's domain, shape (n,); see `ShapeModel.in_domain`."""
+        domain = self.card.domain
+        inside = (tensions >= 0.0).all(axis=1) & (tensions <= self._max_tensions * (1.0 + _SLACK)).all(axis=1)
+        inside &= np.linalg.norm(gravity, axis=1) <= domain.gravity_m_s2 * (1.0 + _SLACK)
+        inside &= np.linalg.norm(tip_force, axis=1) <= domain.tip_force_n * (1.0 + _SLACK)
+        return np.asarray(inside)
+
+    def disk_poses(
+        self,
+        tensions: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+        tip_force: ArrayLike | None = None,
+    ) -> DiskPoses:
+        """Returns the disk poses of a batch; see `ShapeModel.disk_poses`.
+
+        Raises:
+            InputError: Wrong shape, NaN or negative tension.
+            DomainError: A row lies outside the model's domain; names row, value and limit.
+        """
+        return self.disk_poses_unchecked(*self._check(tensions, gravity, tip_force))
+
+    def disk_poses_unchecked(self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> DiskPoses:
+        """The same without any check: for callers that have checked their inputs, as the planner has.
+
+        Args:
+            tensions: Shape (n, t), N, float64.
+            gravity: Shape (n, 3), m/s^2, base frame, float64.
+            tip_force: Shape (n, 3), N, base frame, float64.
+        """
+        if self._function is None:
+            positions, rotations = self._run_torch(tensions, gravity, tip_force)
+            return DiskPoses(positions, rotations, np.ones(len(tensions), dtype=np.bool_))
+        positions, rotations, residual = self._function(
+            np.ascontiguousarray(tensions), np.ascontiguousarray(gravity), np.ascontiguousarray(tip_force)
+        )
+        return DiskPoses(positions, rotations, self._solved(residual))
+
+    def poses_at(
+        self,
+        arc_lengths: ArrayLike,
+        tensions: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+        tip_force: ArrayLike | None = None,
+    ) -> DiskPoses:
+        """Returns the poses of cross-sections anywhere along the backbone.
+
+        Args:
+            arc_lengths: Shape (k,), m, increasing, from 0 to the robot's length.
+            tensions: Shape (n, t), N.
+            gravity: Shape (3,) or (n, 3), m/s^2, base frame; None for none.
+            tip_force: Shape (3,) or (n, 3), N, base frame; None for none.
+
+        Returns:
+            Poses with k cross-sections in the place of d disks.
+        """
+        stops = check_array("arc_lengths", arc_lengths, (None,))
+        length = self.robot.length
+        if not len(stops) or (np.diff(stops) <= 0.0).any() or stops[0] < 0.0 or stops[-1] > length * (1.0 + _SLACK):
+            raise InputError("arc_lengths", f"increasing numbers from 0 to {length:g} m", stops.tolist())
+        if self._function is None:
+            raise InputError("arc_lengths", "a model with the `shooting` network", f"network {self.card.network!r}")
+        constants, columns = rod_constants_at(self.card.robot, stops)
+        positions, rotations, residual = self._function.with_constants(
+            constants, *self._check(tensions, gravity, tip_force)
+        )
+        return DiskPoses(positions[:, columns], rotations[:, columns], self._solved(residual))
+
+    def residual(
+        self, tensions: ArrayLike, *, gravity: ArrayLike | None = None, tip_force: ArrayLike | None = None
+    ) -> FloatArray:
+        """Returns the moment that each shape leaves unbalanced at the tip (residual of the cut form), (n,), N m."""
+        if self._function is None:
+            raise InputError("residual", "a model with the `shooting` network", f"network {self.card.network!r}")
+        return np.linalg.norm(self._function(*self._check(tensions, gravity, tip_force))[2], axis=1)
+
+    def _solved(self, residual: FloatArray) -> BoolArray:
+        return np.asarray(np.einsum("ni,ni->n", residual, residual) <= self._residual_limit**2)
+
+    def _check(
+        self, tensions: ArrayLike, gravity: ArrayLike | None, tip_force: ArrayLike | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        tension = self.robot.check_tensions(tensions)
+        g = check_batch("gravity", gravity, len(tension), 3)
+        f = check_batch("tip_force", tip_force, len(tension), 3)
+        outside = np.flatnonzero(~self.in_domain(tension, g, f))
+        if len(outside):
+            self._refuse(int(outside[0]), tension, g, f)
+        return tension, g, f
+
+    def _refuse(self, row: int, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> None:
+        domain = self.card.domain
+        over = np.flatnonzero(tensions[row] > self._max_tensions * (1.0 + _SLACK))
+        if len(over):
+            column = int(over[0])
+            limit, value = self._max_tensions[column], tensions[row, column]
+            raise DomainError(
+                "tensions",
+                f"at most {limit:g} N, the domain of {self.path}",
+                f"{value:g} N in row {row}, tendon {column}",
+            )
+        loads = (
+            ("gravity", gravity, domain.gravity_m_s2, "m/s^2"),
+            ("tip_force", tip_force, domain.tip_force_n, "N"),
+        )
+        for name, vectors, limit, unit in loads:
+            size = float(np.linalg.norm(vectors[row]))
+            if size > limit * (1.0 + _SLACK):
+                raise DomainError(
+                    name, f"at most {limit:g} {unit}, the domain of {self.path}", f"{size:g} {unit} in row {row}"
+                )
+
+    def _run_torch(
+        self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        import torch
+
+        inputs = [torch.from_numpy(np.ascontiguousarray(array)) for array in (tensions, gravity, tip_force)]
+        with torch.inference_mode():
+            positions, rotations = self.torch_module(*inputs)
+        return positions.numpy(), rotations.numpy()
+
+
+def load_shape_model(path: str | Path, robot: RobotSpec | None = None) -> LearnedShape:
+    """Returns the model that a file holds.
+
+    Args:
+        path: A file written by `tdcr train`.
+        robot: The robot it shall serve; None for the one in its card.
+
+    Raises:
+        FormatError: The file is missing, truncated, or no shape model of this format.
+        RobotMismatchError: It was made for a robot with other mechanics.
+    """
+    path = Path(path)
+    card, weights = _read_archive(path)
+    if robot is not None and robot.mechanics_hash != card.robot_mechanics_hash:
+        raise RobotMismatchError(
+            f"{card.robot.name!r} (mechanics {card.robot_mechanics_hash[:12]})",
+            f"{robot.name!r} (mechanics {robot.mechanics_hash[:12]})",
+            str(path),
+        )
+    return LearnedShape(path, card, robot or card.robot, weights)
+
+
+def load_torch_module(path: str | Path) -> torch.jit.ScriptModule:
+    """Returns the TorchScript module of a model file, or raises FormatError."""
+    import torch
+
+    with warnings.catch_warnings():
+        # TorchScript is the model format; torch deprecates it without a replacement that C++ can load.
+        warnings.filterwarnings("ignore", message=r"`torch\.jit\..*` is deprecated", category=DeprecationWarning)
+        try:
+            module = torch.jit.load(str(path), map_location="cpu")
+        except RuntimeError as error:
+            raise FormatError(path, f"is not a TorchScript file: {str(error).splitlines()[0]}") from error
+    module.eval()
+    return module
+
+
+def _read_archive(path: Path) -> tuple[ModelCard, ShootingWeights | None]:
+    """Reads card and weights straight from the archive: without torch, whose import takes seconds."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            broken = archive.testzip()
+            if broken is not None:
+                raise FormatError(path, "is damaged: its checksum is wrong", broken)
+            names = {name.split("/extra/", 1)[1]: name for name in archive.namelist() if "/extra/" in name}
+            if CARD_FILE not in names:
+                raise FormatError(path, "is not a shape model: it holds no card; make one with `tdcr train`")
+            content = json.loads(archive.read(names[CARD_FILE]))
+            weights = archive.read(names[WEIGHTS_FILE]) if WEIGHTS_FILE in names else None
+    except FileNotFoundError as error:
+        raise FormatError(path, "no such file") from error
+    except IsADirectoryError as error:
+        raise FormatError(path, "is a folder, expected a file") from error
+    except (zipfile.BadZipFile, zlib.error, EOFError) as error:
+        raise FormatError(path, "is not a shape model, or is truncated") from error
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise FormatError(path, f"its card is not valid JSON: {error}") from error
+    except OSError as error:
+        raise FormatError(path, f"cannot be read: {error.strerror or error}") from error
+    card = parse_table(ModelCard, content, path)
+    if card.network != "shooting":
+        return card, None
+    if weights is None:
+        raise FormatError(path, f"holds no {WEIGHTS_FILE}, which the planner reads")
+    return card, _parse_weights(path, weights)
+
+
+def _parse_weights(path: Path, content: bytes) -> ShootingWeights:
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            layers = int(arrays["layers"])
+            return ShootingWeights(
+                features=arrays["features"],
+                load_scale=arrays["load_scale"],
+                matrices=tuple(arrays[f"matrix_{index}"] for index in range(layers)),
+                biases=tuple(arrays[f"bias_{index}"] for index in range(layers)),
+                corrections=int(arrays["corrections"]),
+            )
+    except (KeyError, ValueError, OSError, ValidationError) as error:
+        raise FormatError(path, f"its weights cannot be read: {error}", WEIGHTS_FILE) from error
