@@ -67,7 +67,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def write_with(path: Path, write: Callable[[Path], object]) -> None:
-    """Lets `write` fill a temporary file that then replaces `path`; a full disk is a FormatError and changes nothing."""
+    """Lets `write` fill a temporary file that then replaces `path`; a full disk raises FormatError, changes nothing."""
     try:
         with write_file_whole(path) as temporary:
             write(temporary)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import platform
 import warnings
@@ -21,11 +22,12 @@ UNITS = {"tensions": "N", "gravity": "m/s^2", "tip_force": "N", "positions": "m"
 
 
 def script_module(network: nn.Module) -> torch.jit.ScriptModule:
-    """Returns a network as TorchScript."""
+    """Returns a network as TorchScript on the CPU, with constant weights: gradients by the inputs remain."""
+    network = copy.deepcopy(network).cpu().eval().requires_grad_(False)
     with warnings.catch_warnings():
         # TorchScript is the model format; torch deprecates it without a replacement that C++ can load.
         warnings.filterwarnings("ignore", message=r"`torch\.jit\..*` is deprecated", category=DeprecationWarning)
-        return torch.jit.script(network.cpu().eval())
+        return torch.jit.script(network)
 
 
 def write_model(path: Path, network: nn.Module, card: ModelCard, weights: ShootingWeights | None) -> None:

@@ -126,8 +126,8 @@ class ShootingNetwork(nn.Module):
             base_moment: Shape (n, 3), N m, base frame.
 
         Returns:
-            The moment left over at the tip, shape (n, 3), N m, tip frame; positions, shape (n, d, 3), m; rotations, shape
-            (n, d, 3, 3).
+            The moment left over at the tip, shape (n, 3), N m, tip frame; positions, shape (n, d, 3), m; rotations,
+            shape (n, d, 3, 3).
         """
         state = torch.stack([base_moment, tip_force + self.base_mass * gravity, gravity], dim=1)
         count = tensions.shape[0]

@@ -266,7 +266,7 @@ class _Run:
         return loss
 
     def validate(self) -> float:
-        """Returns the root mean square residual of the cut form on the validation cases, N m; keeps the best weights."""
+        """Returns the root mean square residual of the cut form on the validation cases, N m; keeps the best."""
         cases = self.data.validation
         with torch.no_grad():
             predicted, inverse = (array.cpu().numpy() for array in self.network.base_moment(*self.validation_inputs))
