@@ -17,13 +17,17 @@ from tdcr_planner.statics.rod import RodArrays
 
 OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "fastmath": {"contract", "reassoc", "arcp", "nsz"}}
 
-STRAIN_TOLERANCE = 1e-11
+STRAIN_TOLERANCE = 1e-12
 STRAIN_ITERATIONS = 60
 
 CONVERGED, UNSTABLE, LIMIT_POINT, NOT_CONVERGED = 0, 1, 2, 3
 
 NEWTON_LIMIT = 12
 CONTRACTION = 0.5
+CAUTIOUS_CONTRACTION = 0.25
+SHORT_LOAD_STEP = 1.0 / 16.0
+# A branch that follows on loses its derivative at a limit point: det dM(l)/dM(0), 1 for a rod without loads, is zero.
+LIMIT_DETERMINANT = 0.1
 SMALLEST_LOAD_STEP = 1e-4
 LARGEST_MOMENT = 1e6
 
@@ -249,7 +253,7 @@ def solve_strain(
         uy -= d4
         uz -= d5
         rate = size / before
-        if size < 1e-10 or (before < np.inf and rate < 0.1 and size * rate < STRAIN_TOLERANCE):
+        if size < 1e-11 or (before < np.inf and rate < 0.1 and size * rate < STRAIN_TOLERANCE):
             strain[0], strain[1], strain[2], strain[3], strain[4], strain[5] = vx, vy, vz, ux, uy, uz
             return True
         if rate > 0.1:
@@ -648,43 +652,47 @@ def newton(
     tip_moment: FloatArray,
     base_moment: FloatArray,
     tolerance: float,
+    cautious: bool,
     positions: FloatArray,
     rotations: FloatArray,
-) -> tuple[bool, float, int, bool]:
+) -> tuple[bool, float, int, bool, float]:
     """Newton's method on M(0), given up as soon as it does not contract.
 
-    Requiring contraction from the first step keeps it on the branch of its starting point (Deuflhard 2011, ch. 5).
+    Contraction from the first step on keeps it on the branch of its starting point (Deuflhard 2011, ch. 5). A cautious
+    run asks for more of it, and gives up at the first shape that is not stable: a long step must not jump to or over a
+    part of the branch that only short steps can follow.
 
     Returns:
-        Whether it converged, residual in N m, sweeps made, whether the equilibrium is stable; `base_moment`,
-        `positions` and `rotations` hold the result.
+        Whether it converged, residual in N m, sweeps made, whether the equilibrium is stable, determinant of
+        dM(l)/dM(0); `base_moment`, `positions` and `rotations` hold the result.
     """
+    limit = CAUTIOUS_CONTRACTION if cautious else CONTRACTION
     end, trial_end, trial = np.empty(3), np.empty(3), np.empty(3)
     angle, moment, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     delta, record = np.empty(3), np.empty((0, 4, 21))
     ok, stable = sweep(rod, tau, forces, weights, base_moment, True, positions, rotations, end, angle, moment, record)
     sweeps = 1
-    if not ok:
-        return False, np.inf, sweeps, False
+    if not ok or (cautious and not stable):
+        return False, np.inf, sweeps, False, 0.0
     for j in range(3):
         end[j] -= tip_moment[j]
     residual = np.sqrt(end[0] ** 2 + end[1] ** 2 + end[2] ** 2)
     while residual > tolerance:
         if sweeps > NEWTON_LIMIT or invert3(moment, inverse) == 0.0:
-            return False, residual, sweeps, False
+            return False, residual, sweeps, False, 0.0
         size = 0.0
         for i in range(3):
             delta[i] = -(inverse[i, 0] * end[0] + inverse[i, 1] * end[1] + inverse[i, 2] * end[2])
             trial[i] = base_moment[i] + delta[i]
             size += delta[i] ** 2
         if not size < LARGEST_MOMENT:
-            return False, residual, sweeps, False
+            return False, residual, sweeps, False, 0.0
         ok, stable = sweep(
             rod, tau, forces, weights, trial, True, positions, rotations, trial_end, angle, moment, record
         )
         sweeps += 1
-        if not ok:
-            return False, residual, sweeps, False
+        if not ok or (cautious and not stable):
+            return False, residual, sweeps, False, 0.0
         natural = 0.0
         for j in range(3):
             trial_end[j] -= tip_moment[j]
@@ -692,12 +700,12 @@ def newton(
             step = inverse[i, 0] * trial_end[0] + inverse[i, 1] * trial_end[1] + inverse[i, 2] * trial_end[2]
             natural += step**2
         residual = np.sqrt(trial_end[0] ** 2 + trial_end[1] ** 2 + trial_end[2] ** 2)
-        if residual > tolerance and natural > CONTRACTION**2 * size:
-            return False, residual, sweeps, False
+        if residual > tolerance and natural > limit**2 * size:
+            return False, residual, sweeps, False, 0.0
         for j in range(3):
             base_moment[j] = trial[j]
             end[j] = trial_end[j]
-    return True, residual, sweeps, stable
+    return True, residual, sweeps, stable, invert3(moment, inverse)
 
 
 @njit(**OPTIONS)
@@ -753,7 +761,7 @@ def follow_branch(
             disk = end_disk
             reach = 0.0
     fraction, step = 0.0, first_step
-    residual = np.inf
+    residual, determinant = np.inf, 1.0
     while True:
         target = min(1.0, fraction + step)
         for j in range(3):
@@ -762,8 +770,9 @@ def follow_branch(
         scaled_forces[:] = target * forces
         scaled_weights[:] = target * weights
         level = tolerance if target == 1.0 else 1e3 * tolerance
-        converged, residual, made, stable = newton(
-            rod, tau, scaled_forces, scaled_weights, scaled_tip, guess, level, positions, rotations
+        cautious = target - fraction > SHORT_LOAD_STEP
+        converged, residual, made, stable, found = newton(
+            rod, tau, scaled_forces, scaled_weights, scaled_tip, guess, level, cautious, positions, rotations
         )
         sweeps += made
         if converged:
@@ -774,13 +783,18 @@ def follow_branch(
             for j in range(3):
                 tangent[j] = (guess[j] - last[j]) / (target - fraction)
                 last[j] = guess[j]
-            fraction = target
+            fraction, determinant = target, found
             if made <= 4:
                 step *= 2.0
         else:
             step = 0.5 * min(step, 1.0 - fraction)
             if step < SMALLEST_LOAD_STEP:
-                return (LIMIT_POINT if fraction > 0.0 else NOT_CONVERGED), residual, sweeps, fraction
+                return (
+                    (LIMIT_POINT if abs(determinant) < LIMIT_DETERMINANT else NOT_CONVERGED),
+                    residual,
+                    sweeps,
+                    fraction,
+                )
 
 
 @njit(**OPTIONS)
@@ -821,8 +835,8 @@ def solve_cases(
         done = False
         total = 0
         if warm and np.isfinite(moment[0] + moment[1] + moment[2]):
-            converged, residual, total, stable = newton(
-                rod, tau, forces, weights, tip_moment[case], moment, level, positions[case], rotations[case]
+            converged, residual, total, stable, _ = newton(
+                rod, tau, forces, weights, tip_moment[case], moment, level, True, positions[case], rotations[case]
             )
             if converged and stable:
                 done = True
