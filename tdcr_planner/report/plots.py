@@ -28,7 +28,8 @@ PALETTE = {
 INK = "#1F2933"
 MUTED = "#6B7785"
 GRID = "#E4E8ED"
-WALL = "#9DB2C7"
+WALL = "#8FA9C4"
+OBSTACLE = "#B39D84"
 ROBOT = "#1B6CA8"
 LEARNED = "#CC79A7"
 TRACE = "#D55E00"
@@ -123,7 +124,7 @@ def draw_clearance(axes: Axes, times: FloatArray, clearance: FloatArray, require
     millimetres = 1e3 * clearance
     limit = 1e3 * required
     known = np.isfinite(millimetres)
-    axes.plot(times, millimetres, color=PALETTE["blue"], label="clearance (reference)", zorder=3)
+    axes.plot(times, millimetres, color=PALETTE["blue"], label="reference", zorder=3)
     axes.axhline(limit, color=ALERT, linewidth=1.2, linestyle=(0, (5, 3)), label=f"required {limit:g} mm", zorder=2)
     if known.any():
         axes.fill_between(times, limit, millimetres, where=known & (millimetres < limit), color=ALERT, alpha=0.18)
@@ -137,15 +138,15 @@ def draw_clearance(axes: Axes, times: FloatArray, clearance: FloatArray, require
             markeredgecolor=ALERT,
             markeredgewidth=2.0,
             linestyle="none",
-            label=f"worst state: {millimetres[worst]:.2f} mm",
+            label=f"worst {millimetres[worst]:.2f} mm",
             zorder=4,
         )
         low, high = min(0.0, millimetres[worst]), max(limit, float(np.nanmax(millimetres)))
         pad = 0.08 * max(high - low, 1e-3)
-        axes.set_ylim(low - (pad if low < 0.0 else 0.0), high + 3.0 * pad)
-    axes.set_title("Clearance along the path")
-    axes.set_ylabel("clearance (mm)")
-    axes.legend(loc="upper right", ncols=1)
+        axes.set_ylim(low - (pad if low < 0.0 else 0.0), high + pad)
+    axes.set_title("Clearance", pad=26.0)
+    axes.set_ylabel("mm")
+    _legend_above(axes)
 
 
 def draw_tensions(axes: Axes, times: FloatArray, tensions: FloatArray, segments: IntArray, limit: float) -> None:
@@ -182,8 +183,21 @@ def draw_tensions(axes: Axes, times: FloatArray, tensions: FloatArray, segments:
             fontsize=8.0,
         )
         top = limit
-    axes.set_ylim(0.0, 1.3 * max(top, 1e-3))
-    axes.set_title("Tendon tensions")
-    axes.set_ylabel("tension (N)")
+    axes.set_ylim(0.0, 1.08 * max(top, 1e-3))
+    axes.set_title("Tendon tensions", pad=26.0)
+    axes.set_ylabel("N")
     axes.set_xlabel("time (s)")
-    axes.legend(loc="upper right", ncols=3, columnspacing=1.2, handlelength=1.8)
+    _legend_above(axes)
+
+
+def _legend_above(axes: Axes) -> None:
+    """Puts the legend in one row between title and plot, where no curve can run through it."""
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(-0.02, 0.985),
+        ncols=6,
+        columnspacing=1.1,
+        handlelength=1.5,
+        handletextpad=0.5,
+        borderaxespad=0.0,
+    )

@@ -42,17 +42,22 @@ class Camera:
 
 @dataclass(frozen=True)
 class Layer:
-    """One surface seen from the camera.
+    """One surface seen from the camera, in the part of the image that it may cover.
 
     Attributes:
-        nearness: Shape (h, w), m; -inf where nothing is seen.
+        rows: The rows of the image that are covered.
+        columns: The columns of the image that are covered.
+        nearness: Shape (h, w) of that part, m; -inf where nothing is seen.
         normals: Shape (h, w, 3), camera frame, facing the viewer.
         face: Index of the face that is seen, shape (h, w); -1 where nothing is.
     """
 
+    rows: slice
+    columns: slice
+
     nearness: Image
     normals: Image
-    face: IntArray
+    face: NDArray[np.int32]
 
     @property
     def seen(self) -> BoolArray:
@@ -86,15 +91,21 @@ def render_layer(camera: Camera, vertices: FloatArray, faces: IntArray, *, farth
     points = camera.project(vertices)[faces]
     normals = corner_normals(vertices, faces) @ camera.rotation.T
     sign = -1.0 if farthest else 1.0
-    nearness = np.full((camera.height, camera.width), -np.inf, dtype=np.float32)
-    image = np.zeros((camera.height, camera.width, 3), dtype=np.float32)
-    face = np.full((camera.height, camera.width), -1, dtype=np.int64)
+    size = np.array([camera.width, camera.height])
+    flat = points[..., :2].reshape(-1, 2)
+    left, top = np.clip(np.floor(flat.min(axis=0, initial=np.inf)), 0, size).astype(int)
+    right, bottom = np.clip(np.ceil(flat.max(axis=0, initial=-np.inf)), [left, top], size).astype(int)
+    points[..., :2] -= [left, top]
+    height, width = bottom - top, right - left
+    nearness = np.full((height, width), -np.inf, dtype=np.float32)
+    image = np.zeros((height, width, 3), dtype=np.float32)
+    face = np.full((height, width), -1, dtype=np.int32)
     _fill_triangles(np.ascontiguousarray(points), np.ascontiguousarray(normals), sign, nearness, image, face)
     seen = face >= 0
     nearness[seen] *= sign
     image /= np.maximum(np.linalg.norm(image, axis=-1, keepdims=True), 1e-12)
     image *= np.where(image[..., 2:] < 0.0, -1.0, 1.0)
-    return Layer(nearness, image, face)
+    return Layer(slice(top, bottom), slice(left, right), nearness, image, face)
 
 
 @njit(cache=True)
@@ -104,7 +115,7 @@ def _fill_triangles(
     sign: float,
     nearness: Image,
     image: Image,
-    face: IntArray,
+    face: NDArray[np.int32],
 ) -> None:
     height, width = nearness.shape
     for f in range(points.shape[0]):
@@ -136,7 +147,12 @@ def _fill_triangles(
 
 
 def shade(
-    layer: Layer, colours: Image | FloatArray, *, gloss: float = 0.25, depth_range: tuple[float, float] | None = None
+    layer: Layer,
+    colours: Image | FloatArray,
+    *,
+    gloss: float = 0.25,
+    ambient: float = 0.40,
+    depth_range: tuple[float, float] | None = None,
 ) -> Image:
     """Returns the lit colour of a layer, shape (h, w, 3) in 0 to 1.
 
@@ -144,6 +160,7 @@ def shade(
         layer: What is seen.
         colours: Colour of each face, shape (f, 3), or of all, shape (3,).
         gloss: Strength of the highlight.
+        ambient: Light that reaches every side, 0 to 0.9.
         depth_range: Nearness (far, near) over which colours fade towards white with distance, m; None for no fading.
     """
     normals = layer.normals
@@ -154,9 +171,11 @@ def shade(
     half /= np.linalg.norm(half)
     diffuse = np.clip(normals @ key, 0.0, 1.0)
     sky = 0.5 + 0.5 * normals[..., 1]
-    light = 0.40 + 0.17 * sky + 0.50 * diffuse
-    highlight = gloss * np.clip(normals @ half, 0.0, 1.0) ** 40
-    lit = base * light[..., None] + highlight[..., None]
+    light = ambient + 0.17 * sky + (0.90 - ambient) * diffuse
+    highlight = np.clip(normals @ half, 0.0, 1.0)
+    for _ in range(5):  # to the 32nd power
+        highlight *= highlight
+    lit = base * light[..., None] + (gloss * highlight)[..., None]
     if depth_range is not None:
         far, near = depth_range
         distance = np.clip((near - layer.nearness) / max(near - far, 1e-9), 0.0, 1.0)
@@ -176,9 +195,17 @@ def outline(layer: Layer, step: float) -> BoolArray:
     return edge
 
 
-def lay_over(image: Image, colour: Image, cover: Image) -> None:
-    """Paints a colour (h, w, 3) or (3,) over an image (h, w, 3) in place, as far as it covers, (h, w) in 0 to 1."""
-    image += cover[..., None] * (colour - image)
+def lay_over(image: Image, layer: Layer, colour: Image, cover: Image) -> None:
+    """Paints a layer over the whole image in place.
+
+    Args:
+        image: Shape (height, width, 3) of the camera.
+        layer: What is painted.
+        colour: Shape (h, w, 3) of the layer.
+        cover: How much it hides, 0 to 1, shape (h, w) of the layer.
+    """
+    part = image[layer.rows, layer.columns]
+    part += cover[..., None] * (colour - part)
 
 
 def shrink(image: Image, factor: int) -> Image:

@@ -382,9 +382,7 @@ def _read_path(table: _PathTable, scenario: Scenario, file: Path) -> TensionPath
     )
 
 
-def _read_goal_states(
-    table: _PathTable, count: int, scenario: Scenario, file: Path
-) -> tuple[tuple[int, int], ...]:
+def _read_goal_states(table: _PathTable, count: int, scenario: Scenario, file: Path) -> tuple[tuple[int, int], ...]:
     for state, goal in table.goal_states:
         if not (0 <= state < count and 0 <= goal < len(scenario.goals)):
             expected = f"a state below {count} and a goal below {len(scenario.goals)}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import itertools
 import json
 from pathlib import Path
 from string import Template
@@ -21,6 +22,8 @@ from tdcr_planner.report.viewpoint import choose_camera, up_direction
 MAX_FRAMES = 64
 MAX_WALL_FACES = 24_000
 _MAX_RIM_CORNERS = 640
+# plotly's parallel projection shows a height of about 2.5 of its scene units.
+_SCENE_FILL = 2.3
 _FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif"
 
 
@@ -111,9 +114,10 @@ def _wall_traces(picture: Picture) -> list[Any]:
             go.Mesh3d(
                 **_xyz(vertices),
                 **dict(zip("ijk", faces.T.astype(np.int32), strict=True)),
-                color=plots.WALL,
-                opacity=0.20 if mesh.role == "cavity" else 0.45,
-                lighting={"ambient": 0.6, "diffuse": 0.6, "specular": 0.25, "roughness": 0.5, "fresnel": 1.5},
+                color=plots.WALL if mesh.role == "cavity" else plots.OBSTACLE,
+                opacity=0.24 if mesh.role == "cavity" else 0.5,
+                lighting={"ambient": 0.45, "diffuse": 0.75, "specular": 0.3, "roughness": 0.4, "fresnel": 0.4},
+                lightposition={"x": -4e3, "y": 6e3, "z": 8e3},
                 flatshading=False,
                 hoverinfo="skip",
                 name=f"{mesh.name} ({mesh.role})",
@@ -324,7 +328,9 @@ def _layout(picture: Picture) -> dict[str, Any]:
     hidden = {"visible": False, "showspikes": False}
     low, high = _bounds(picture)
     span = high - low
-    ratio = span / span.max()
+    corners = np.array(list(itertools.product(*np.stack([low, high], axis=1)))) @ camera.rotation.T
+    right, above = np.ptp(corners[:, 0]), np.ptp(corners[:, 1])
+    ratio = _SCENE_FILL * span / max(above, right / 1.2)
     scene_end = 0.62 if picture.has_path else 1.0
     layout: dict[str, Any] = {
         "margin": {"l": 8, "r": 16, "t": 8, "b": 8},

@@ -6,22 +6,17 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.report import plots, raster
 from tdcr_planner.report.picture import Picture
-from tdcr_planner.report.raster import Camera, Image
-from tdcr_planner.report.robot_mesh import backbone_curve, disk_mesh, merge_meshes, tendon_lines, tube_mesh
+from tdcr_planner.report.raster import Camera
+from tdcr_planner.report.scene_image import render_scene, spread_states
 from tdcr_planner.report.viewpoint import choose_camera
 
 WIDTH_PX, HEIGHT_PX, DPI = 1600, 900, 120
 SCENE_PX = (1010, 770)
-_SUPERSAMPLING = 2
-_SHOWN_STATES = 7
-_BACKGROUND = np.ones(3, dtype=np.float32)
 
 
 def write_png(picture: Picture, file: str | Path) -> None:
@@ -59,108 +54,12 @@ def draw_scene(figure: Figure, picture: Picture, box: tuple[int, int, int, int])
     size = figure.get_size_inches() * figure.dpi
     axes = figure.add_axes((left / size[0], bottom / size[1], width / size[0], height / size[1]))
     camera = choose_camera(picture, width, height)
-    image = render_scene(picture, camera)
+    image = render_scene(picture, camera, *spread_states(picture))
     axes.imshow(raster.to_bytes(image), extent=(0.0, width, height, 0.0), interpolation="none", aspect="auto")
     axes.set_axis_off()
     _draw_markers(axes, picture, camera)
     _draw_scale_bar(axes, camera)
     return axes
-
-
-def render_scene(picture: Picture, camera: Camera) -> Image:
-    """Returns the scene and the robot's states as an image of the camera's size, shape (h, w, 3) in 0 to 1."""
-    factor = _SUPERSAMPLING
-    fine = Camera(camera.rotation, camera.centre, factor * camera.scale, factor * camera.width, factor * camera.height)
-    image = np.tile(_BACKGROUND, (fine.height, fine.width, 1))
-    glass, glass_nearness = _paint_walls(image, picture, fine)
-    for index, fade in zip(*shown_states(picture), strict=True):
-        _paint_robot(image, picture, fine, int(index), float(fade), glass, glass_nearness)
-    _paint_trace(image, picture, fine, glass, glass_nearness)
-    return raster.shrink(image, factor)
-
-
-def shown_states(picture: Picture, most: int = _SHOWN_STATES) -> tuple[IntArray, FloatArray]:
-    """Returns indices of states that are evenly spread over the body's motion, and how present each is, 0 to 1."""
-    known = np.flatnonzero(picture.known)
-    if len(known) == 0:
-        return known, np.zeros(0)
-    positions = picture.positions[known]
-    steps = np.linalg.norm(np.diff(positions, axis=0), axis=2).mean(axis=1)
-    travelled = np.concatenate([[0.0], np.cumsum(steps)])
-    wanted = np.linspace(0.0, travelled[-1], most)
-    places = np.unique(np.searchsorted(travelled, wanted - 1e-12).clip(0, len(known) - 1))
-    fades = np.linspace(0.22, 0.5, len(places))
-    fades[-1] = 1.0
-    return known[places], fades
-
-
-def _paint_walls(image: Image, picture: Picture, camera: Camera) -> tuple[Image, Image]:
-    """Paints the far walls and then the near ones as glass; returns the glass's cover and nearness."""
-    glass = np.zeros(image.shape[:2], dtype=np.float32)
-    nearest = np.full(image.shape[:2], -np.inf, dtype=np.float32)
-    colour = np.array(to_rgb(plots.WALL), dtype=np.float32)
-    for role in ("cavity", "obstacle"):
-        parts = [(mesh.vertices, mesh.faces) for mesh in picture.meshes if mesh.role == role]
-        if not parts:
-            continue
-        vertices, faces = merge_meshes(parts)
-        far = raster.render_layer(camera, vertices, faces, farthest=True)
-        seen = far.seen
-        depths = (float(far.nearness[seen].min()), float(far.nearness[seen].max())) if seen.any() else None
-        cover = np.where(seen, 0.85 if role == "cavity" else 0.30, 0.0).astype(np.float32)
-        raster.lay_over(image, raster.shade(far, colour, gloss=0.05, depth_range=depths), cover)
-        near = raster.render_layer(camera, vertices, faces)
-        grazing = (1.0 - near.normals[..., 2]) ** 3
-        base, rise = (0.05, 0.45) if role == "cavity" else (0.42, 0.4)
-        cover = np.where(near.seen, base + rise * grazing, 0.0).astype(np.float32)
-        raster.lay_over(image, raster.shade(near, 0.9 * colour, gloss=0.5), cover)
-        glass = np.where(near.nearness > nearest, cover, glass)
-        nearest = np.maximum(nearest, near.nearness)
-    return glass, nearest
-
-
-def _behind_glass(layer: raster.Layer, glass: Image, glass_nearness: Image) -> Image:
-    """How much of a layer comes through the glass before it, shape (h, w)."""
-    hidden = np.where(glass_nearness > layer.nearness, glass, 0.0)
-    return np.where(layer.seen, 1.0 - 0.75 * hidden, 0.0).astype(np.float32)
-
-
-def _paint_robot(
-    image: Image, picture: Picture, camera: Camera, index: int, fade: float, glass: Image, glass_nearness: Image
-) -> None:
-    robot, positions, rotations = picture.robot, picture.positions[index], picture.rotations[index]
-    pixel = 1.0 / camera.scale
-    white, ink = np.ones(3), np.array(to_rgb(plots.INK))
-    disks = disk_mesh(robot, positions, rotations, sides=40)
-    line = backbone_curve(positions, rotations, robot.arc_lengths)
-    backbone = tube_mesh(line, max(robot.backbone.radius_m, 1.6 * pixel))
-    parts, colours = [disks, backbone], [np.array(to_rgb(plots.ROBOT)), ink]
-    for tendon, points in enumerate(tendon_lines(robot, positions, rotations)):
-        parts.append(tube_mesh(points, max(robot.body.tendon_radius_m, 1.3 * pixel), sides=6))
-        colours.append(np.array(to_rgb(plots.tendon_colour(tendon))))
-    if fade < 1.0:
-        colours = [0.75 * colour + 0.25 * white for colour in colours]
-    vertices, faces = merge_meshes(parts)
-    each = np.concatenate(
-        [np.tile(colour, (len(part[1]), 1)) for colour, part in zip(colours, parts, strict=True)]
-    ).astype(np.float32)
-    layer = raster.render_layer(camera, vertices, faces)
-    colour = raster.shade(layer, each)
-    edges = raster.outline(layer, 0.25 * float(robot.disk_radii.max()))
-    colour[edges] *= 0.55
-    raster.lay_over(image, colour, (fade * _behind_glass(layer, glass, glass_nearness)).astype(np.float32))
-
-
-def _paint_trace(image: Image, picture: Picture, camera: Camera, glass: Image, glass_nearness: Image) -> None:
-    tips = picture.positions[picture.known][:, -1]
-    if len(tips) < 2:
-        return
-    apart = np.concatenate([[True], np.linalg.norm(np.diff(tips, axis=0), axis=1) > 1e-7])
-    if apart.sum() < 2:
-        return
-    layer = raster.render_layer(camera, *tube_mesh(tips[apart], 3.0 / camera.scale))
-    colour = raster.shade(layer, np.array(to_rgb(plots.TRACE), dtype=np.float32))
-    raster.lay_over(image, colour, (0.9 * _behind_glass(layer, glass, glass_nearness)).astype(np.float32))
 
 
 def _draw_markers(axes: Axes, picture: Picture, camera: Camera) -> None:

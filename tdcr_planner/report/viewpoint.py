@@ -9,15 +9,15 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.report.picture import Picture
 from tdcr_planner.report.raster import Camera
 
-_ELEVATIONS_DEG = (12.0, 22.0, 35.0)
+_ELEVATIONS_DEG = (8.0, 16.0, 24.0)
 _AZIMUTHS = 24
 
 
 def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.07) -> Camera:
-    """Returns the camera under which the robot's states and goals spread over the largest area.
+    """Returns the camera under which the robot's states and goals fill the largest part of the picture.
 
-    Up is against gravity (world z without gravity). Directions a little above the horizon are compared; the picture
-    is then fitted to the robot and to that part of the scene that surrounds it.
+    Up is against gravity (world z without gravity). Directions a little above the horizon are compared, each fitted to
+    the robot and to that part of the scene that surrounds it.
 
     Args:
         picture: What is shown.
@@ -26,15 +26,18 @@ def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.0
         margin: Part of the picture left free on each side.
     """
     body = body_points(picture)
+    fitted = _points_to_fit(picture, body)
+    few = fitted[:: max(1, len(fitted) // 2000)]
     up = up_direction(picture)
     best, best_score = look_from(0.0, 20.0, up), -1.0
     for elevation in _ELEVATIONS_DEG:
         for step in range(_AZIMUTHS):
             rotation = look_from(360.0 * step / _AZIMUTHS, elevation, up)
-            score = _hull_area((body @ rotation.T)[:, :2])
+            scale = _fit(rotation, few, width, height, margin).scale
+            score = scale**2 * _hull_area((body @ rotation.T)[:, :2])
             if score > 1.0001 * best_score:
                 best, best_score = rotation, score
-    return _fit(best, _points_to_fit(picture, body), width, height, margin)
+    return _fit(best, fitted, width, height, margin)
 
 
 def up_direction(picture: Picture) -> FloatArray:

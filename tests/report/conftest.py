@@ -105,7 +105,7 @@ def make_result(make_scenario: Callable[[str], Scenario]) -> Callable[..., PlanR
             converged=np.ones(STATES, dtype=np.bool_),
             residual=np.full(STATES, 1e-12),
             deviation=deviation,
-            clearance=0.002 - 0.0012 * np.sin(np.pi * along),
+            clearance=0.002 - 0.0012 * np.sin(1.1 * np.pi * along),
             in_limits=np.ones(STATES, dtype=np.bool_),
             positions=positions,
             rotations=rotations,

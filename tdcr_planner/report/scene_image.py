@@ -1,0 +1,166 @@
+"""The scene as an image: far walls, the robot's states one over the other, and the near walls as glass before them."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from scipy.ndimage import gaussian_filter
+
+from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.report import plots, raster
+from tdcr_planner.report.picture import Picture
+from tdcr_planner.report.raster import Camera, Image, Layer
+from tdcr_planner.report.robot_mesh import (
+    Mesh,
+    backbone_curve,
+    disk_mesh,
+    merge_meshes,
+    tendon_lines,
+    tube_mesh,
+)
+
+SHOWN_STATES = 6
+_SUPERSAMPLING = 2
+_WALL_COLOURS = {"cavity": "#C3D0DC", "obstacle": "#C9BFB4"}
+_FAR_COVER = {"cavity": 0.9, "obstacle": 0.35}
+# Cover of the near walls where they face the viewer, and how much it grows where they turn away.
+_GLASS = {"cavity": (0.04, 0.55), "obstacle": (0.40, 0.45)}
+
+
+def render_scene(picture: Picture, camera: Camera, states: IntArray, fades: FloatArray) -> Image:
+    """Returns the scene and some states of the robot as an image of the camera's size, shape (h, w, 3) in 0 to 1.
+
+    Args:
+        picture: What is shown.
+        camera: Where to look from.
+        states: Indices of the states, painted in this order, shape (n,).
+        fades: How present each state is, 0 to 1, shape (n,).
+    """
+    canvas = _Canvas(camera, _SUPERSAMPLING)
+    robots = [
+        _robot_mesh(picture, int(state), canvas.camera, float(fade)) for state, fade in zip(states, fades, strict=True)
+    ]
+    canvas.paint_walls(picture)
+    if robots:
+        canvas.paint_shadow(robots[-1][0])
+    for (mesh, colours), fade in zip(robots, fades, strict=True):
+        canvas.paint_body(mesh, colours, float(fade), picture.robot.disk_radii.max())
+    trace = _trace_mesh(picture, canvas.camera)
+    if trace is not None:
+        colour = np.array(to_rgb(plots.TRACE), dtype=np.float32)
+        canvas.paint_body(trace, np.tile(colour, (len(trace[1]), 1)), 0.9, np.inf)
+    return raster.shrink(canvas.image, _SUPERSAMPLING)
+
+
+def spread_states(picture: Picture, most: int = SHOWN_STATES) -> tuple[IntArray, FloatArray]:
+    """Returns states evenly spread over the body's motion, and how present each is: pale first, the last one solid."""
+    known = np.flatnonzero(picture.known)
+    if len(known) == 0:
+        return known, np.zeros(0)
+    steps = np.linalg.norm(np.diff(picture.positions[known], axis=0), axis=2).mean(axis=1)
+    travelled = np.concatenate([[0.0], np.cumsum(steps)])
+    wanted = np.linspace(0.0, travelled[-1], most)
+    # a float sum may end a hair below its own last entry
+    places = np.unique(np.searchsorted(travelled, wanted * (1.0 - 1e-12)).clip(0, len(known) - 1))
+    fades = np.linspace(0.25, 0.5, len(places))
+    fades[-1] = 1.0
+    return known[places], fades
+
+
+class _Canvas:
+    """An image in the making, finer than what is asked for, with the glass that stands before what is painted next."""
+
+    def __init__(self, camera: Camera, factor: int) -> None:
+        self.camera = Camera(
+            camera.rotation, camera.centre, factor * camera.scale, factor * camera.width, factor * camera.height
+        )
+        shape = (self.camera.height, self.camera.width)
+        self.image = np.ones((*shape, 3), dtype=np.float32)
+        self._glass = np.zeros(shape, dtype=np.float32)
+        self._glass_nearness = np.full(shape, -np.inf, dtype=np.float32)
+
+    def paint_walls(self, picture: Picture) -> None:
+        """Paints the far walls and, over them, the near ones as glass."""
+        for role in ("cavity", "obstacle"):
+            parts = [(mesh.vertices, mesh.faces) for mesh in picture.meshes if mesh.role == role]
+            if not parts:
+                continue
+            mesh = merge_meshes(parts)
+            colour = np.array(to_rgb(_WALL_COLOURS[role]), dtype=np.float32)
+            far = raster.render_layer(self.camera, *mesh, farthest=True)
+            seen = far.nearness[far.seen]
+            depths = (float(seen.min()), float(seen.max())) if seen.size else None
+            cover = np.where(far.seen, _FAR_COVER[role], 0.0).astype(np.float32)
+            raster.lay_over(
+                self.image, far, raster.shade(far, colour, gloss=0.0, ambient=0.62, depth_range=depths), cover
+            )
+            self._paint_glass(raster.render_layer(self.camera, *mesh), 0.86 * colour, *_GLASS[role])
+
+    def _paint_glass(self, near: Layer, colour: Image, base: float, rise: float) -> None:
+        grazing = (1.0 - near.normals[..., 2]) ** 3
+        cover = np.where(near.seen, base + rise * grazing, 0.0).astype(np.float32)
+        raster.lay_over(self.image, near, raster.shade(near, colour, gloss=0.35, ambient=0.55), cover)
+        glass = self._glass[near.rows, near.columns]
+        nearness = self._glass_nearness[near.rows, near.columns]
+        glass[:] = np.where(near.nearness > nearness, cover, glass)
+        np.maximum(nearness, near.nearness, out=nearness)
+
+    def paint_shadow(self, mesh: Mesh) -> None:
+        """Darkens softly what lies behind a body, so that it stands off from the wall."""
+        layer = raster.render_layer(self.camera, *mesh)
+        block = 8
+        mask = np.zeros((self.camera.height, self.camera.width), dtype=np.float32)
+        mask[layer.rows, layer.columns] = layer.seen
+        rows, columns = (self.camera.height // block, self.camera.width // block)
+        small = mask[: rows * block, : columns * block].reshape(rows, block, columns, block).mean(axis=(1, 3))
+        soft = gaussian_filter(np.roll(small, (1, 1), axis=(0, 1)), 2.0)
+        shadow = np.ones_like(mask)
+        shadow[: rows * block, : columns * block] -= 0.28 * np.kron(soft, np.ones((block, block), dtype=np.float32))
+        walls = np.isfinite(self._glass_nearness)
+        self.image[walls] *= shadow[walls][:, None]
+
+    def paint_body(self, mesh: Mesh, colours: Image, fade: float, step: float) -> None:
+        """Paints a body behind the glass that stands before it.
+
+        Args:
+            mesh: Vertices and faces, m, world frame.
+            colours: Colour of each face, shape (f, 3).
+            fade: How present it is, 0 to 1.
+            step: Outlines are drawn where the surface falls back by a quarter of this, m.
+        """
+        layer = raster.render_layer(self.camera, *mesh)
+        colour = raster.shade(layer, colours)
+        colour[raster.outline(layer, 0.25 * step)] *= 0.55
+        glass = self._glass[layer.rows, layer.columns]
+        hidden = np.where(self._glass_nearness[layer.rows, layer.columns] > layer.nearness, glass, 0.0)
+        cover = np.where(layer.seen, fade * (1.0 - 0.75 * hidden), 0.0).astype(np.float32)
+        raster.lay_over(self.image, layer, colour, cover)
+
+
+def _robot_mesh(picture: Picture, state: int, camera: Camera, fade: float) -> tuple[Mesh, Image]:
+    """The robot in one state, no part thinner than the eye can see, and the colour of each face."""
+    robot, positions, rotations = picture.robot, picture.positions[state], picture.rotations[state]
+    pixel = 1.0 / camera.scale
+    line = backbone_curve(positions, rotations, robot.arc_lengths)
+    meshes = [
+        disk_mesh(robot, positions, rotations, sides=40),
+        tube_mesh(line, max(robot.backbone.radius_m, 2.0 * pixel)),
+    ]
+    colours = [plots.ROBOT, plots.INK]
+    for tendon, points in enumerate(tendon_lines(robot, positions, rotations)):
+        meshes.append(tube_mesh(points, max(robot.body.tendon_radius_m, 1.4 * pixel), sides=6))
+        colours.append(plots.tendon_colour(tendon))
+    pale = 0.0 if fade >= 1.0 else 0.25
+    shades = [np.array(to_rgb(colour)) * (1.0 - pale) + pale for colour in colours]
+    each = [np.tile(shade, (len(faces), 1)) for shade, (_, faces) in zip(shades, meshes, strict=True)]
+    return merge_meshes(meshes), np.concatenate(each).astype(np.float32)
+
+
+def _trace_mesh(picture: Picture, camera: Camera) -> Mesh | None:
+    """The way of the tip as a thin tube; None where it does not move."""
+    tips = picture.positions[picture.known][:, -1]
+    apart = np.ones(len(tips), dtype=np.bool_)
+    apart[1:] = np.linalg.norm(np.diff(tips, axis=0), axis=1) > 1e-7
+    if apart.sum() < 2:
+        return None
+    return tube_mesh(tips[apart], 3.2 / camera.scale)

@@ -1,0 +1,211 @@
+import json
+import queue
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from string import Template
+from threading import Thread
+
+import numpy as np
+import pytest
+import trimesh
+
+from tdcr_planner.report.picture import DisplayMesh, gather_picture, gather_scenario_picture
+from tdcr_planner.report.scene_html import MAX_FRAMES, build_figure, frame_states, render_html, write_html
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--window-size=1366,768",
+)
+# Runs before any other script of the page: notes what a console would show as an error, goes through the steps that
+# the test asks for, each of which is repeated until it answers true, and reports.
+WATCH = """<script>
+const faults = [], steps = [$steps], answers = [];
+window.addEventListener("error", function (event) { faults.push(event.message); });
+window.addEventListener("unhandledrejection", function (event) { faults.push(String(event.reason)); });
+console.error = function () { faults.push(Array.from(arguments).join(" ")); };
+window.addEventListener("load", function () {
+  const timer = window.setInterval(function () {
+    const answer = steps.length ? steps[0]() : null;
+    if (answer) { steps.shift(); answers.push(answer); }
+    if (steps.length && !faults.length) { return; }
+    window.clearInterval(timer);
+    fetch("report", {method: "POST", body: JSON.stringify({faults: faults, answers: answers})});
+  }, 50);
+});
+</script>"""
+
+
+@pytest.fixture
+def picture(make_result):
+    return gather_picture(make_result())
+
+
+def test_page_is_one_file_that_names_no_other(picture, tmp_path):
+    write_html(picture, tmp_path / "path.html")
+    assert (tmp_path / "path.html").stat().st_size < 10e6
+    text = (tmp_path / "path.html").read_text(encoding="utf-8")
+    assert not re.search(r"<script[^>]*\ssrc=|<link[^>]*href=\"(?!data:)|@import", text)
+    assert text.count('id="plot"') == 1
+    for part in ('id="slider"', 'id="play"', 'id="readout"'):
+        assert part in text
+
+
+def test_titles_and_messages_cannot_break_the_page(picture):
+    text = render_html(picture)
+    assert "<h1>Pipe &amp; &lt;ball&gt;</h1>" in text
+    assert "reached &lt;/script&gt; the goal" in text
+
+
+def test_figure_holds_scene_robot_both_shapes_and_curves(picture):
+    shown = frame_states(picture)
+    figure = build_figure(picture, shown)
+    names = {trace.name for trace in figure.data}
+    assert {"pipe.stl (cavity)", "ball.stl (obstacle)", "tip trace", "start", "goal", "disks"} <= names
+    assert {"backbone (reference)", "constant curvature shape", "tendon 1", "tendon 2", "tendon 3"} <= names
+    assert len(figure.frames) == len(shown) == 12
+    walls = [trace for trace in figure.data if trace.name and trace.name.endswith(("(cavity)", "(obstacle)"))]
+    assert all(0.0 < trace.opacity < 1.0 for trace in walls)
+
+
+def test_each_frame_shows_its_state(picture):
+    shown = frame_states(picture)
+    figure = build_figure(picture, shown)
+    for frame, state in zip(figure.frames, shown, strict=True):
+        traces = dict(zip((figure.data[index].name for index in frame.traces), frame.data, strict=True))
+        backbone = traces["backbone (reference)"]
+        # single precision in the page
+        np.testing.assert_allclose(
+            [backbone.x[-1], backbone.y[-1], backbone.z[-1]], picture.positions[state, -1], atol=1e-7
+        )
+        learned = traces["constant curvature shape"]
+        np.testing.assert_allclose(learned.y, picture.model_positions[state][:, 1], atol=1e-7)
+        cursors = [trace for trace in frame.data if trace.type == "scatter"]
+        assert {value for trace in cursors for value in trace.x} == {picture.times[state]}
+
+
+def test_long_paths_are_thinned_but_keep_first_last_and_worst(make_result):
+    short = gather_picture(make_result())
+    count = 1000
+    pick = np.linspace(0, 11, count).astype(int)
+    clearance = np.full(count, 0.002)
+    clearance[777] = 0.0007
+    long = replace(
+        short,
+        times=np.linspace(0.0, 50.0, count),
+        positions=short.positions[pick],
+        rotations=short.rotations[pick],
+        clearance=clearance,
+    )
+    shown = frame_states(long)
+    assert len(shown) <= MAX_FRAMES
+    assert {0, 777, count - 1} <= set(shown.tolist())
+    assert np.diff(long.times[shown]).max() < 2 * 50.0 / (MAX_FRAMES - 2)
+
+
+def test_large_meshes_are_thinned(picture):
+    ball = trimesh.creation.icosphere(subdivisions=7, radius=0.1)
+    heavy = DisplayMesh("big", "obstacle", np.asarray(ball.vertices), np.asarray(ball.faces))
+    text = render_html(replace(picture, meshes=(heavy,)))
+    assert len(ball.faces) > 300_000
+    assert len(text) < 10e6
+
+
+def test_scenario_page_has_no_controls(make_scenario):
+    text = render_html(gather_scenario_picture(make_scenario("paper")))
+    assert "<footer hidden>" in text
+
+
+@pytest.fixture(scope="session")
+def browser():
+    found = [path for path in map(shutil.which, BROWSERS) if path]
+    if not found:
+        pytest.skip(f"needs a browser on the PATH: {', '.join(BROWSERS)}")
+    return found[0]
+
+
+@pytest.fixture
+def visit(browser, tmp_path):
+    """Opens a page in a headless browser, goes through steps in it, and returns what the page reported."""
+
+    def run(text, *steps):
+        watch = Template(WATCH).substitute(steps=", ".join(f"function () {{ return {step}; }}" for step in steps))
+        page = text.replace("<head>", "<head>" + watch, 1).encode()
+        reports = queue.Queue()
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self):
+                self.send_response(200)
+                self.send_header("Content-Type", "text/html; charset=utf-8")
+                self.end_headers()
+                self.wfile.write(page)
+
+            def do_POST(self):
+                reports.put(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+                self.send_response(204)
+                self.end_headers()
+
+            def log_message(self, *args):
+                """Keeps the test's output quiet."""
+
+        server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        Thread(target=server.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{server.server_port}/"
+        command = [browser, *FLAGS, f"--user-data-dir={tmp_path / 'profile'}", "--remote-debugging-port=0", address]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            return reports.get(timeout=90)
+        finally:
+            process.terminate()
+            process.wait(timeout=30)
+            server.shutdown()
+            server.server_close()
+
+    return run
+
+
+@pytest.mark.browser
+def test_page_opens_fits_a_laptop_plays_and_seeks_without_a_fault(picture, visit):
+    report = visit(
+        render_html(replace(picture, times=picture.times / 6.0)),
+        'document.querySelector("#plot .gl-container canvas") && document.getElementById("readout").textContent',
+        "[document.documentElement.scrollWidth - innerWidth, document.documentElement.scrollHeight - innerHeight]",
+        'document.getElementById("play").click() || document.getElementById("play").textContent',
+        'document.getElementById("plot").dataset.shown === "11" && document.getElementById("play").textContent',
+        "(function () { const slider = document.getElementById('slider'); slider.value = 5;"
+        " slider.dispatchEvent(new Event('input')); return 'moved'; })()",
+        'document.getElementById("plot").dataset.shown === "5" && document.getElementById("readout").textContent',
+        "document.getElementById('plot')._fullData.filter(t => t.name === 'backbone (reference)')[0].z.slice(-1)[0]",
+    )
+    assert report["faults"] == []
+    opened, overflow, playing, ended, _, sought, tip = report["answers"]
+    assert opened.startswith("0.00 s · state 0")
+    assert max(overflow) <= 0
+    assert "Pause" in playing
+    assert "Play" in ended
+    assert "state 5" in sought
+    assert "worst state" in sought
+    assert tip == pytest.approx(picture.positions[5, -1, 2], abs=1e-7)
+
+
+@pytest.mark.browser
+def test_page_of_a_scenario_opens_without_a_fault(make_scenario, visit):
+    report = visit(
+        render_html(gather_scenario_picture(make_scenario("two_segment"))),
+        "document.querySelector('#plot .gl-container canvas') && document.getElementById('plot').clientHeight",
+        "String(document.querySelector('footer').offsetHeight)",
+    )
+    assert report["faults"] == []
+    assert report["answers"][0] > 300
+    assert report["answers"][1] == "0"

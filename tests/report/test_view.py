@@ -1,0 +1,70 @@
+import webbrowser
+
+import pytest
+
+from tdcr_planner.cli.view import view
+from tdcr_planner.errors import FormatError
+from tdcr_planner.report.results import write_result
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """Pages that a pretended browser was asked to open."""
+    pages = []
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(webbrowser, "open", lambda address: pages.append(address) or True)
+    return pages
+
+
+def test_view_of_a_result_opens_the_page_beside_it(make_result, tmp_path, opened, capsys):
+    file = write_result(make_result(), tmp_path / "out")
+    file.with_name("path.html").unlink()
+    assert view(file) == 0
+    assert opened == [file.with_name("path.html").as_uri()]
+    assert capsys.readouterr().out.strip() == str(file.with_name("path.html"))
+    assert "Plotly" in file.with_name("path.html").read_text()
+
+
+def test_view_of_a_scenario_writes_where_it_is_told(make_scenario, tmp_path, opened):
+    page = tmp_path / "deep" / "look.html"
+    assert view(make_scenario("paper").path, out=page, open_browser=False) == 0
+    assert page.stat().st_size > 1e6
+    assert opened == []
+
+
+def test_view_of_a_scenario_writes_into_the_current_folder(make_scenario, tmp_path, monkeypatch, opened):
+    monkeypatch.chdir(tmp_path)
+    assert view(make_scenario("paper").path) == 0
+    assert opened == [(tmp_path / "scenario_pipe.html").as_uri()]
+
+
+@pytest.mark.parametrize("reason", ["no display", "no browser"])
+def test_without_a_browser_the_page_stays(make_scenario, tmp_path, monkeypatch, capsys, reason):
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
+        monkeypatch.delenv(name, raising=False)
+    if reason == "no browser":
+        monkeypatch.setenv("DISPLAY", ":0")
+
+        def fail(address):
+            raise webbrowser.Error("could not locate runnable browser")
+
+        monkeypatch.setattr(webbrowser, "open", fail)
+    page = tmp_path / "page.html"
+    assert view(make_scenario("paper").path, out=page) == 1
+    assert page.exists()
+    assert "no browser could be opened" in capsys.readouterr().err
+
+
+def test_what_is_no_result_is_refused(tmp_path):
+    (tmp_path / "mesh.stl").write_text("")
+    with pytest.raises(FormatError, match="expected a result"):
+        view(tmp_path / "mesh.stl")
+    with pytest.raises(FormatError, match="no such file"):
+        view(tmp_path / "result.json")
+
+
+def test_an_output_folder_that_is_a_file_is_refused(make_scenario, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FormatError, match="cannot be written"):
+        view(make_scenario("paper").path, out=tmp_path / "file" / "page.html")
