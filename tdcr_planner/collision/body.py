@@ -231,6 +231,15 @@ def place_solid(body, index, positions, rotations, centre, axis):  # type: ignor
 
 
 @njit(cache=True, nogil=True)
+def across(axis):  # type: ignore[no-untyped-def]
+    """Returns two unit vectors at right angles to a unit axis and to each other (Duff et al. 2017)."""
+    sign = math.copysign(1.0, axis[2])
+    a = -1.0 / (sign + axis[2])
+    b = axis[0] * axis[1] * a
+    return (1.0 + sign * axis[0] ** 2 * a, sign * b, -sign * axis[0]), (b, sign + axis[1] ** 2 * a, -axis[1])
+
+
+@njit(cache=True, nogil=True)
 def place_solids(body, positions, rotations):  # type: ignore[no-untyped-def]
     """Returns centres (m, 3), world_from_solid rotations (m, 3, 3) and half lengths (m,) of all solids for one state.
 
@@ -243,12 +252,7 @@ def place_solids(body, positions, rotations):  # type: ignore[no-untyped-def]
     axis = np.empty(3)
     for i in range(total):
         halves[i] = place_solid(body, i, positions, rotations, centres[i], axis)
-        # Duff et al. 2017: an orthonormal basis without a branch that loses precision.
-        sign = math.copysign(1.0, axis[2])
-        a = -1.0 / (sign + axis[2])
-        b = axis[0] * axis[1] * a
-        frames[i, 0, 0], frames[i, 1, 0], frames[i, 2, 0] = 1.0 + sign * axis[0] ** 2 * a, sign * b, -sign * axis[0]
-        frames[i, 0, 1], frames[i, 1, 1], frames[i, 2, 1] = b, sign + axis[1] ** 2 * a, -axis[1]
+        first, second = across(axis)
         for r in range(3):
-            frames[i, r, 2] = axis[r]
+            frames[i, r, 0], frames[i, r, 1], frames[i, r, 2] = first[r], second[r], axis[r]
     return centres, frames, halves

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from tdcr_planner.collision.body import place_solid
+from tdcr_planner.collision.body import across, place_solid
 from tdcr_planner.collision.containment import is_wrong, wrong_part
 from tdcr_planner.collision.distance import solid_distance
 from tdcr_planner.collision.tree import nearest_triangle
@@ -71,21 +71,22 @@ def _solid_depth(wall, side, body, index, centre, axis, half, known):  # type: i
             )  # fmt: skip
         return depth
     depth = max(depth, _ball_depth(wall, side, centre[0], centre[1], centre[2], half))
-    first, second = np.empty(3), np.empty(3)
-    least = np.argmin(np.abs(axis))
-    first[:] = 0.0
-    first[least] = 1.0
-    first -= axis[least] * axis
-    first /= math.sqrt(np.dot(first, first))
-    second[:] = np.cross(axis, first)
+    first, second = across(axis)
     for k in range(RING):
         angle = 2.0 * math.pi * k / RING
-        ray = math.cos(angle) * first + math.sin(angle) * second
-        inner = centre + (radius - half) * ray
-        depth = max(depth, _ball_depth(wall, side, inner[0], inner[1], inner[2], half))
+        cosine, sine = math.cos(angle), math.sin(angle)
+        rx = cosine * first[0] + sine * second[0]
+        ry = cosine * first[1] + sine * second[1]
+        rz = cosine * first[2] + sine * second[2]
+        r = radius - half
+        ball = _ball_depth(wall, side, centre[0] + r * rx, centre[1] + r * ry, centre[2] + r * rz, half)
+        depth = max(depth, ball)
         for face in range(2):
-            rim = centre + radius * ray + (2 * face - 1) * half * axis
-            depth = max(depth, _ball_depth(wall, side, rim[0], rim[1], rim[2], 0.0))
+            z = (2 * face - 1) * half
+            px = centre[0] + radius * rx + z * axis[0]
+            py = centre[1] + radius * ry + z * axis[1]
+            pz = centre[2] + radius * rz + z * axis[2]
+            depth = max(depth, _ball_depth(wall, side, px, py, pz, 0.0))
     return depth
 
 

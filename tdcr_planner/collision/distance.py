@@ -30,16 +30,15 @@ def segment_cylinder_distance(a, b, centre, axis, half, radius):  # type: ignore
     The squared distance from a convex set is convex and differentiable along a line, so its minimum is where the
     derivative changes sign; that place is bracketed and closed in by the Illinois variant of regula falsi.
     """
-    z0, dz, cc, bb, aa = 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(3):
-        z0 += (a[i] - centre[i]) * axis[i]
-        dz += (b[i] - a[i]) * axis[i]
-    for i in range(3):
-        start = a[i] - centre[i] - z0 * axis[i]
-        edge = b[i] - a[i] - dz * axis[i]
-        cc += start * start
-        bb += start * edge
-        aa += edge * edge
+    px, py, pz = a[0] - centre[0], a[1] - centre[1], a[2] - centre[2]
+    ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    z0 = px * axis[0] + py * axis[1] + pz * axis[2]
+    dz = ex * axis[0] + ey * axis[1] + ez * axis[2]
+    px, py, pz = px - z0 * axis[0], py - z0 * axis[1], pz - z0 * axis[2]
+    ex, ey, ez = ex - dz * axis[0], ey - dz * axis[1], ez - dz * axis[2]
+    cc = px * px + py * py + pz * pz
+    bb = px * ex + py * ey + pz * ez
+    aa = ex * ex + ey * ey + ez * ez
     low, high = 0.0, 1.0
     slope_low = _slope(low, z0, dz, aa, bb, cc, half, radius)
     if slope_low >= 0.0:
@@ -93,12 +92,23 @@ def _slope(t, z0, dz, aa, bb, cc, half, radius):  # type: ignore[no-untyped-def]
     return value
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _normal(triangle):  # type: ignore[no-untyped-def]
+    """Returns the normal of a triangle, as long as twice its area, and the square of that length."""
+    ux, uy, uz = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1], triangle[1, 2] - triangle[0, 2]
+    vx, vy, vz = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1], triangle[2, 2] - triangle[0, 2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return nx, ny, nz, nx * nx + ny * ny + nz * nz
+
+
 @njit(cache=True, nogil=True)
-def _inside_triangle(p, triangle, n, square):  # type: ignore[no-untyped-def]
+def _inside_triangle(px, py, pz, triangle, nx, ny, nz, square):  # type: ignore[no-untyped-def]
     """Returns whether the foot of p on the triangle's plane (normal n, not unit) lies in the triangle."""
-    u, v, w = triangle[1] - triangle[0], triangle[2] - triangle[0], p - triangle[0]
-    beta = np.dot(np.cross(w, v), n)
-    gamma = np.dot(np.cross(u, w), n)
+    ux, uy, uz = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1], triangle[1, 2] - triangle[0, 2]
+    vx, vy, vz = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1], triangle[2, 2] - triangle[0, 2]
+    wx, wy, wz = px - triangle[0, 0], py - triangle[0, 1], pz - triangle[0, 2]
+    beta = (wy * vz - wz * vy) * nx + (wz * vx - wx * vz) * ny + (wx * vy - wy * vx) * nz
+    gamma = (uy * wz - uz * wy) * nx + (uz * wx - ux * wz) * ny + (ux * wy - uy * wx) * nz
     return beta >= 0.0 and gamma >= 0.0 and beta + gamma <= square
 
 
@@ -111,76 +121,78 @@ def cylinder_triangle_distance(triangle, centre, axis, half, radius):  # type: i
     """
     best = np.inf
     for k in range(3):
-        best = min(best, segment_cylinder_distance(triangle[k], triangle[(k + 1) % 3], centre, axis, half, radius))
+        value = segment_cylinder_distance(triangle[k], triangle[(k + 1) % 3], centre, axis, half, radius)
+        best = min(best, value)
         if best <= 0.0:
             return 0.0
-    n = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
-    square = np.dot(n, n)
+    nx, ny, nz, square = _normal(triangle)
     if square <= 0.0:
         return best
     size = math.sqrt(square)
-    along = np.dot(axis, n) / size
+    along = (axis[0] * nx + axis[1] * ny + axis[2] * nz) / size
     across = math.sqrt(max(0.0, 1.0 - along * along))
-    arm = np.empty(3)
-    for i in range(3):
-        arm[i] = math.copysign(half, along) * axis[i]
-        if across > 1e-12:
-            arm[i] += radius * (n[i] / size - along * axis[i]) / across
-    middle = np.dot(centre - triangle[0], n) / size
-    reach = np.dot(arm, n) / size
-    if abs(middle) > reach:
-        extreme = centre - math.copysign(1.0, middle) * arm
-        if _inside_triangle(extreme, triangle, n, square):
-            return min(best, abs(middle) - reach)
-        return best
-    # The plane cuts the cylinder: no edge meets it, so the cut lies wholly inside or wholly outside the triangle.
-    share = -middle / reach if reach > 0.0 else 0.0
-    return 0.0 if _inside_triangle(centre + share * arm, triangle, n, square) else best
+    end = math.copysign(half, along)
+    rim = radius / across if across > 1e-12 else 0.0
+    ax = end * axis[0] + rim * (nx / size - along * axis[0])
+    ay = end * axis[1] + rim * (ny / size - along * axis[1])
+    az = end * axis[2] + rim * (nz / size - along * axis[2])
+    gx, gy, gz = centre[0] - triangle[0, 0], centre[1] - triangle[0, 1], centre[2] - triangle[0, 2]
+    middle = (gx * nx + gy * ny + gz * nz) / size
+    reach = (ax * nx + ay * ny + az * nz) / size
+    # Towards the plane where it passes the cylinder by; onto the plane where it cuts it: no edge meets the cylinder, so
+    # the cut lies wholly inside or wholly outside the triangle and one point of it decides.
+    share = -math.copysign(1.0, middle) if abs(middle) > reach else (-middle / reach if reach > 0.0 else 0.0)
+    px, py, pz = centre[0] + share * ax, centre[1] + share * ay, centre[2] + share * az
+    if _inside_triangle(px, py, pz, triangle, nx, ny, nz, square):
+        return min(best, max(0.0, abs(middle) - reach))
+    return best
 
 
 @njit(cache=True, nogil=True)
-def _segments_square(p, d, q, e):  # type: ignore[no-untyped-def]
-    """Squared distance of the segments p + s d and q + t e (Ericson 2005, section 5.1.9)."""
-    r = p - q
-    a, ee, f = np.dot(d, d), np.dot(e, e), np.dot(e, r)
-    if a <= 0.0 and ee <= 0.0:
-        return np.dot(r, r)
-    c = np.dot(d, r)
-    if a <= 0.0:
-        s, t = 0.0, min(1.0, max(0.0, f / ee))
-    elif ee <= 0.0:
-        s, t = min(1.0, max(0.0, -c / a)), 0.0
-    else:
-        b = np.dot(d, e)
-        bottom = a * ee - b * b
-        s = min(1.0, max(0.0, (b * f - c * ee) / bottom)) if bottom > 0.0 else 0.0
-        t = (b * s + f) / ee
-        if t < 0.0:
-            s, t = min(1.0, max(0.0, -c / a)), 0.0
+def _segments_square(px, py, pz, dx, dy, dz, corner, other):  # type: ignore[no-untyped-def]
+    """Squared distance of the segments p + s d and from corner to other (Ericson 2005, section 5.1.9)."""
+    ex, ey, ez = other[0] - corner[0], other[1] - corner[1], other[2] - corner[2]
+    rx, ry, rz = px - corner[0], py - corner[1], pz - corner[2]
+    a = dx * dx + dy * dy + dz * dz
+    e = ex * ex + ey * ey + ez * ez
+    f = ex * rx + ey * ry + ez * rz
+    c = dx * rx + dy * ry + dz * rz
+    b = dx * ex + dy * ey + dz * ez
+    s, t = 0.0, 0.0
+    if a > 0.0:
+        bottom = a * e - b * b
+        if bottom > 0.0:
+            s = min(1.0, max(0.0, (b * f - c * e) / bottom))
+        if e > 0.0:
+            t = (b * s + f) / e
+        if t < 0.0 or e <= 0.0:
+            t, s = 0.0, min(1.0, max(0.0, -c / a))
         elif t > 1.0:
-            s, t = min(1.0, max(0.0, (b - c) / a)), 1.0
-    gap = r + s * d - t * e
-    return np.dot(gap, gap)
+            t, s = 1.0, min(1.0, max(0.0, (b - c) / a))
+    elif e > 0.0:
+        t = min(1.0, max(0.0, f / e))
+    gx, gy, gz = rx + s * dx - t * ex, ry + s * dy - t * ey, rz + s * dz - t * ez
+    return gx * gx + gy * gy + gz * gz
 
 
 @njit(cache=True, nogil=True)
 def capsule_triangle_distance(triangle, centre, axis, half, radius):  # type: ignore[no-untyped-def]
     """Returns the distance of a triangle, shape (3, 3), from a solid capsule, m; 0 where they meet."""
-    start, edge = centre - half * axis, 2.0 * half * axis
-    finish = start + edge
-    n = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
-    square = np.dot(n, n)
+    px, py, pz = centre[0] - half * axis[0], centre[1] - half * axis[1], centre[2] - half * axis[2]
+    dx, dy, dz = 2.0 * half * axis[0], 2.0 * half * axis[1], 2.0 * half * axis[2]
+    qx, qy, qz = px + dx, py + dy, pz + dz
+    nx, ny, nz, square = _normal(triangle)
     if square > 0.0:
-        below, above = np.dot(start - triangle[0], n), np.dot(finish - triangle[0], n)
-        if below * above < 0.0 and _inside_triangle(start + edge * (below / (below - above)), triangle, n, square):
-            return 0.0
-    best = min(
-        triangle_square_distance(start[0], start[1], start[2], triangle),
-        triangle_square_distance(finish[0], finish[1], finish[2], triangle),
-    )
+        corner = triangle[0]
+        below = (px - corner[0]) * nx + (py - corner[1]) * ny + (pz - corner[2]) * nz
+        above = (qx - corner[0]) * nx + (qy - corner[1]) * ny + (qz - corner[2]) * nz
+        if below * above < 0.0:
+            s = below / (below - above)
+            if _inside_triangle(px + s * dx, py + s * dy, pz + s * dz, triangle, nx, ny, nz, square):
+                return 0.0
+    best = min(triangle_square_distance(px, py, pz, triangle), triangle_square_distance(qx, qy, qz, triangle))
     for k in range(3):
-        corner = triangle[k]
-        best = min(best, _segments_square(start, edge, corner, triangle[(k + 1) % 3] - corner))
+        best = min(best, _segments_square(px, py, pz, dx, dy, dz, triangle[k], triangle[(k + 1) % 3]))
     return max(0.0, math.sqrt(best) - radius)
 
 

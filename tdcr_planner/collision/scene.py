@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.arrays import FloatArray
 from tdcr_planner.collision.body import RobotBody, place_solids
 from tdcr_planner.collision.clearance import clearances
 from tdcr_planner.collision.containment import make_side, wrong_part
+from tdcr_planner.collision.field import CELLS, Field, build_field
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.narrow import BodyObjects, MeshObject
 from tdcr_planner.collision.self_contact import make_self_pairs, near_pairs
+from tdcr_planner.collision.settle import screen, settle_batch
 from tdcr_planner.errors import InputError
 
 Codes = NDArray[np.int8]
@@ -68,13 +71,11 @@ class Contact:
         return f"{self.part} is {side} {self.mesh} at {place}"
 
 
+UNDEFINED_CODE = np.int8(Verdict.UNDEFINED)
+
+
 def _mesh_verdict(mesh: SceneMesh) -> Verdict:
     return Verdict.CAVITY if mesh.role == "cavity" else Verdict.OBSTACLE
-
-
-def _finite_rows(positions: FloatArray, rotations: FloatArray) -> BoolArray:
-    # A sum is finite only if every term is.
-    return np.asarray(np.isfinite(positions.sum(axis=(1, 2)) + rotations.sum(axis=(1, 2, 3))))
 
 
 class CollisionScene:
@@ -87,16 +88,29 @@ class CollisionScene:
         body: The body, grown by its margins.
     """
 
-    def __init__(self, meshes: Sequence[SceneMesh], body: RobotBody) -> None:
+    def __init__(
+        self,
+        meshes: Sequence[SceneMesh],
+        body: RobotBody,
+        *,
+        field: Literal["auto"] | None = "auto",
+        cells: int = CELLS,
+    ) -> None:
         """Builds what is needed to answer.
 
         Args:
             meshes: The meshes; none at all leaves only self-collision.
             body: The body with its margins.
+            field: "auto" to build or load a distance field a mesh; None to let FCL decide alone, which is slow. The
+                answers are the same.
+            cells: About how many nodes a field has.
         """
         self.meshes = tuple(meshes)
         self._mesh_objects = tuple(MeshObject(mesh) for mesh in self.meshes)
         self._sides = tuple(make_side(mesh) for mesh in self.meshes)
+        self._fields: tuple[Field, ...] | None = None
+        if field is not None:
+            self._fields = tuple(build_field(*pair, cells) for pair in zip(self.meshes, self._sides, strict=True))
         self._set_body(body)
 
     def _set_body(self, body: RobotBody) -> None:
@@ -127,22 +141,42 @@ class CollisionScene:
             InputError: Wrong shapes. Poses that are not finite are no error but the verdict UNDEFINED.
         """
         points, frames = self._check_poses(positions, rotations)
-        codes = np.empty(len(points), dtype=np.int8)
-        finite = _finite_rows(points, frames)
-        for row in range(len(points)):
-            codes[row] = self._check_state(points[row], frames[row]) if finite[row] else Verdict.UNDEFINED
+        arrays = self.body.arrays
+        rows = len(points)
+        codes = np.empty(rows, dtype=np.int8)
+        near = np.empty(rows, dtype=np.bool_)
+        near_rows = screen(arrays, self._self_pairs, points, frames, UNDEFINED_CODE, codes, near)
+        for index, mesh in enumerate(self.meshes):
+            code = np.int8(_mesh_verdict(mesh))
+            if self._fields is None:
+                open_rows = codes == 0
+                undecided = np.ones((rows, len(arrays.kind)), dtype=np.bool_)
+            else:
+                undecided = np.zeros((rows, len(arrays.kind)), dtype=np.bool_)
+                field, wall, side = self._fields[index], mesh.wall_tree, self._sides[index]
+                if settle_batch(field, wall, side, code, arrays, points, frames, codes, undecided) == 0:
+                    continue
+                open_rows = undecided.any(axis=1) & (codes == 0)
+            for row in np.flatnonzero(open_rows).tolist():
+                if self._meets(index, points[row], frames[row], np.flatnonzero(undecided[row]).tolist()):
+                    codes[row] = code
+        if near_rows:
+            for row in np.flatnonzero(near & (codes == 0)).tolist():
+                self._objects.start(*place_solids(arrays, points[row], frames[row]))
+                if self._self_contact(points[row]) is not None:
+                    codes[row] = Verdict.SELF
         return codes
 
-    def _check_state(self, positions: FloatArray, rotations: FloatArray) -> Verdict:
+    def _meets(self, index: int, positions: FloatArray, rotations: FloatArray, solids: list[int]) -> bool:
+        """Returns whether one of some solids touches a mesh or, none touching, the body is on its wrong side.
+
+        The other solids are known to touch nothing.
+        """
         self._objects.start(*place_solids(self.body.arrays, positions, rotations))
-        for solid in range(len(self.body.arrays.kind)):
-            for mesh, handle in zip(self.meshes, self._mesh_objects, strict=True):
-                if self._objects.touches(solid, handle):
-                    return _mesh_verdict(mesh)
-        for mesh, side in zip(self.meshes, self._sides, strict=True):
-            if wrong_part(side, self.body.arrays, positions, rotations) >= 0:
-                return _mesh_verdict(mesh)
-        return Verdict.SELF if self._self_contact(positions) is not None else Verdict.FREE
+        handle = self._mesh_objects[index]
+        if any(self._objects.touches(solid, handle) for solid in solids):
+            return True
+        return bool(wrong_part(self._sides[index], self.body.arrays, positions, rotations) >= 0)
 
     def first_contact(self, positions: ArrayLike, rotations: ArrayLike) -> Contact | None:
         """Returns what one state's body meets first, tip first, or None where it is free.
@@ -195,7 +229,8 @@ class CollisionScene:
             Shape (n,), m; minus infinity where a pose is not finite.
         """
         points, frames = self._check_poses(positions, rotations)
-        finite = _finite_rows(points, frames)
+        # A sum is finite only if every term is.
+        finite = np.isfinite(points.sum(axis=(1, 2)) + frames.sum(axis=(1, 2, 3)))
         best = np.full(len(points), np.inf)
         for mesh, side in zip(self.meshes, self._sides, strict=True):
             best_finite = best[finite]

@@ -138,11 +138,15 @@ def _summarise(corners, order, low, high, node, lower, upper, dipole, centre, ra
     weight = 0.0
     for i in range(low, high):
         triangle = corners[order[i]]
-        normal = 0.5 * np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
-        area = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+        ux, uy, uz = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1], triangle[1, 2] - triangle[0, 2]
+        vx, vy, vz = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1], triangle[2, 2] - triangle[0, 2]
+        nx, ny, nz = 0.5 * (uy * vz - uz * vy), 0.5 * (uz * vx - ux * vz), 0.5 * (ux * vy - uy * vx)
+        area = math.sqrt(nx * nx + ny * ny + nz * nz)
         weight += area
+        dipole[node, 0] += nx
+        dipole[node, 1] += ny
+        dipole[node, 2] += nz
         for a in range(3):
-            dipole[node, a] += normal[a]
             centre[node, a] += area * (triangle[0, a] + triangle[1, a] + triangle[2, a]) / 3.0
             for c in range(3):
                 lower[node, a] = min(lower[node, a], triangle[c, a])

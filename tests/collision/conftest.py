@@ -97,3 +97,12 @@ def draw_poses():
         return np.ascontiguousarray(positions), np.ascontiguousarray(rotations)
 
     return draw
+
+
+@pytest.fixture(autouse=True, scope="session")
+def field_cache(tmp_path_factory):
+    """Keeps the fields of a test run in a folder of its own."""
+    folder = tmp_path_factory.mktemp("fields")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TDCR_CACHE_DIR", str(folder))
+        yield folder

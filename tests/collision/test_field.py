@@ -1,0 +1,161 @@
+"""The field's bounds against exact distances, its cache, and its verdicts against FCL alone."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tdcr_planner.collision.body import RobotBody, Shaft
+from tdcr_planner.collision.containment import make_side
+from tdcr_planner.collision.field import bounds_at, build_field
+from tdcr_planner.collision.meshes import SceneMesh
+from tdcr_planner.collision.scene import CollisionScene
+
+CELLS = 20_000
+
+
+@pytest.fixture(scope="module")
+def scene_meshes(shapes):
+    """A mesh of each kind that a scene can hold, all within reach of a robot that is moved by up to 0.1 m."""
+    wall, faces = shapes.pipe(radius=0.03, straight=0.1)
+    room = shapes.box((0.5, 0.5, 0.5), fine=2)
+    # A hollow block: the inner shell is turned inwards, so what it encloses is not solid.
+    block, void = shapes.box((0.6, 0.6, 0.6)), shapes.box((0.5, 0.5, 0.5))
+    hollow = np.concatenate([block[0], void[0]]), np.concatenate([block[1], void[1][:, ::-1] + len(block[0])])
+    return {
+        "pipe": SceneMesh.from_arrays("pipe", wall, faces, "cavity", [0, 0, 0], [0, 0, 1]),
+        "pipe entered through its side of the world": SceneMesh.from_arrays(
+            "pipe", wall, faces, "cavity", [0, 0, 0.05], [0.2, 0.1, 1]
+        ),
+        "room": SceneMesh.from_arrays("room", *room, "cavity"),
+        "box": SceneMesh.from_arrays("box", *shapes.box((0.1, 0.06, 0.08)), "obstacle"),
+        "sphere": SceneMesh.from_arrays("sphere", *shapes.sphere(0.05), "obstacle"),
+        "sheet": SceneMesh.from_arrays("sheet", *shapes.sheet(0.15), "obstacle"),
+        "thin wall": SceneMesh.from_arrays("thin", *shapes.box((0.2, 0.2, 0.0001)), "obstacle"),
+        "shell": SceneMesh.from_arrays("shell", *hollow, "obstacle"),
+    }
+
+
+KINDS = [
+    "pipe", "pipe entered through its side of the world", "room", "box", "sphere", "sheet", "thin wall", "shell",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_bounds_hold_the_exact_distance_and_side(scene_meshes, kind):
+    mesh = scene_meshes[kind]
+    field = build_field(mesh, make_side(mesh), CELLS)
+    rng = np.random.default_rng(5)
+    low, high = mesh.bounds - 0.02 * np.array([[1.0], [-1.0]])
+    points = rng.uniform(low, high, (400, 3))
+    # trimesh's own search over its r-tree is the other algorithm.
+    walls = trimesh.Trimesh(mesh.wall_vertices, mesh.wall_faces, process=False)
+    distance = trimesh.proximity.closest_point(walls, points)[1]
+    inside = mesh.contains(points)
+    front = np.ones(len(points), bool) if mesh.entry is None else mesh.entry.depth(points) > 0.0
+    right = (inside | ~front) if mesh.role == "cavity" else ~inside
+    told = 0
+    for k, point in enumerate(points):
+        lower, upper, side = bounds_at(field, *point, np.inf)
+        assert lower <= distance[k] <= upper
+        # Both bounds are within a cell's diagonal of the truth inside the grid.
+        assert upper == np.inf or upper - lower <= 2.0 * np.sqrt(3.0) * field.spacing
+        assert side in (0, 1 if right[k] else -1)
+        told += side != 0
+    assert told > 200
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("between", ["tendons", "sleeve"])
+def test_field_and_fcl_give_the_answers_of_fcl_alone(paper, two_segment, scene_meshes, draw_poses, kind, between):
+    rng = np.random.default_rng(11)
+    robot = (paper if between == "tendons" else two_segment).model_copy(
+        update={"body": paper.body.model_copy(update={"between_disks": between})}
+    )
+    margins = rng.uniform(0.0, 0.003, robot.disk_count)
+    body = RobotBody(robot, margins, Shaft(0.006, (0.0, 0.0, -0.15)))
+    mesh = scene_meshes[kind]
+    along = (-0.25, 0.05)
+    fielded = CollisionScene([mesh], body, cells=CELLS)
+    plain = CollisionScene([mesh], body, field=None)
+    cases = [
+        draw_poses(robot, rng, 120, bending=0.15, along=along),
+        draw_poses(robot, rng, 120, bending=0.6, along=along),
+        draw_poses(robot, rng, 120, bending=0.4, spread=0.12),
+    ]
+    poses = tuple(np.concatenate(part) for part in zip(*cases, strict=True))
+    expected = plain.check(*poses)
+    assert 5 < (expected == 0).sum() < 355
+    np.testing.assert_array_equal(fielded.check(*poses), expected)
+    # The same states one at a time, and the contact that explains the verdict.
+    for k in range(0, len(expected), 40):
+        one = poses[0][k : k + 1], poses[1][k : k + 1]
+        assert fielded.check(*one)[0] == expected[k]
+        contact = plain.first_contact(one[0][0], one[1][0])
+        assert (contact is None) == (expected[k] == 0)
+        assert contact is None or contact.verdict == expected[k]
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), margin=st.floats(0.0, 0.004))
+def test_any_states_get_the_answers_of_fcl_alone(paper, scene_meshes, draw_poses, seed, margin):
+    rng = np.random.default_rng(seed)
+    kind = KINDS[seed % len(KINDS)]
+    body = RobotBody(paper, np.full(paper.disk_count, margin))
+    poses = draw_poses(paper, rng, 25, bending=rng.uniform(0.05, 1.0), along=(-0.2, 0.0))
+    expected = CollisionScene([scene_meshes[kind]], body, field=None).check(*poses)
+    np.testing.assert_array_equal(CollisionScene([scene_meshes[kind]], body, cells=CELLS).check(*poses), expected)
+
+
+def test_several_meshes_are_all_asked(paper, scene_meshes, draw_poses):
+    meshes = [scene_meshes["room"], scene_meshes["sphere"], scene_meshes["sheet"]]
+    body = RobotBody(paper)
+    poses = draw_poses(paper, np.random.default_rng(2), 150, spread=0.2)
+    free = CollisionScene(meshes, body, field=None).check(*poses) == 0
+    np.testing.assert_array_equal(CollisionScene(meshes, body, cells=CELLS).check(*poses) == 0, free)
+    assert 10 < free.sum() < 140
+
+
+def test_a_cached_field_is_read_and_a_damaged_one_rebuilt(shapes, tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv("TDCR_CACHE_DIR", str(tmp_path))
+    mesh = SceneMesh.from_arrays("ball", *shapes.sphere(0.05), "obstacle")
+    built = build_field(mesh, make_side(mesh), CELLS)
+    (file,) = tmp_path.glob("field-*.bin")
+    written = file.stat().st_mtime_ns
+    np.testing.assert_array_equal(build_field(mesh, make_side(mesh), CELLS).values, built.values)
+    assert file.stat().st_mtime_ns == written
+    content = bytearray(file.read_bytes())
+    for damage in (bytes(content[:1000]), b"", bytes(content[:-1] + bytes([content[-1] ^ 1]))):
+        file.write_bytes(damage)
+        with caplog.at_level(logging.WARNING):
+            np.testing.assert_array_equal(build_field(mesh, make_side(mesh), CELLS).values, built.values)
+        assert "is damaged" in caplog.text
+        assert file.read_bytes() == content
+        caplog.clear()
+
+
+def test_another_role_or_entry_has_another_field(shapes, tmp_path, monkeypatch):
+    monkeypatch.setenv("TDCR_CACHE_DIR", str(tmp_path))
+    ball = shapes.sphere(0.05)
+    for mesh in (
+        SceneMesh.from_arrays("ball", *ball, "obstacle"),
+        SceneMesh.from_arrays("ball", *ball, "cavity"),
+        SceneMesh.from_arrays("ball", *ball, "cavity", [0, 0, 0], [0, 0, 1]),
+    ):
+        build_field(mesh, make_side(mesh), CELLS)
+    assert len(list(tmp_path.glob("field-*.bin"))) == 3
+
+
+def test_a_cache_that_cannot_be_written_is_only_a_warning(shapes, tmp_path, monkeypatch, caplog):
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    monkeypatch.setenv("TDCR_CACHE_DIR", str(blocked))
+    mesh = SceneMesh.from_arrays("ball", *shapes.sphere(0.05), "obstacle")
+    with caplog.at_level(logging.WARNING):
+        assert len(build_field(mesh, make_side(mesh), CELLS).values) > 0
+    assert "not kept" in caplog.text
