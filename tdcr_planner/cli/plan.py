@@ -38,7 +38,7 @@ def plan(
     """
     import time
 
-    from tdcr_planner.cli.progress import TimeBar
+    from tdcr_planner.cli.progress import TimeBar, remark_if_slow
     from tdcr_planner.planning.scenario import load_scenario
     from tdcr_planner.report.results import write_result
     from tdcr_planner.session import PlanningSession, PlanStatus
@@ -46,7 +46,9 @@ def plan(
     started = time.perf_counter()
     given = {"seed": seed, "name": planner, "validity": validity, "time_limit_s": time_limit_s}
     changes = {key: value for key, value in given.items() if value is not None}
-    session = PlanningSession(load_scenario(scenario).with_planner(**changes))
+    query = load_scenario(scenario).with_planner(**changes)
+    with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
+        session = PlanningSession(query)
     loaded = time.perf_counter() - started
     with TimeBar("planning", session.scenario.planner.time_limit_s, shown=progress) as bar:
         result = session.plan(load_s=loaded, progress=bar.update)

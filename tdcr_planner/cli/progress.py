@@ -3,10 +3,30 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 
 from tqdm import tqdm
+
+
+@contextmanager
+def remark_if_slow(remark: str, after_s: float = 8.0) -> Iterator[None]:
+    """Prints a remark to standard error when what is done inside takes longer than usual.
+
+    Args:
+        remark: What the reason may be.
+        after_s: How long to wait before saying so, s.
+    """
+    timer = threading.Timer(after_s, lambda: print(remark, file=sys.stderr, flush=True))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 class TimeBar:

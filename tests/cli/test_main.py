@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdcr_planner.cli.main import COMMANDS, run
+from tdcr_planner.robot import load_robot
+from tdcr_planner.statics.solver import solve_statics
+
+
+def test_help_names_every_command_and_imports_no_heavy_library() -> None:
+    code = (
+        "import sys\n"
+        "from tdcr_planner.cli.main import run\n"
+        "try:\n    run(['--help'])\n"
+        "except SystemExit as end:\n    assert end.code == 0\n"
+        "heavy = {'torch', 'ompl', 'fcl', 'numba', 'matplotlib', 'plotly', 'trimesh'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for command in COMMANDS:
+        assert command in done.stdout
+
+
+@pytest.mark.parametrize("command", list(COMMANDS))
+def test_every_command_has_help_with_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        run([command, "--help"])
+    assert end.value.code == 0
+    assert f"Example: tdcr {command} " in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["solve"], ["plan", "a.toml"], ["info", "a.toml", "--fast"]])
+def test_wrong_arguments_exit_with_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        run(arguments)
+    assert end.value.code == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_solve_prints_the_reference_as_json(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = root / "models/robots/inspection.toml"
+    assert run(["solve", str(file), "--bending-n", "-1.5,0.5", "--gravity", "-9.81,0,0"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    robot = load_robot(file)
+    expected = solve_statics(robot, robot.tensions_from_bending([[[-1.5, 0.5]]]), gravity=[-9.81, 0, 0])
+    np.testing.assert_array_equal(content["positions_m"], expected.positions[0])
+    np.testing.assert_array_equal(content["rotations"], expected.rotations[0])
+    assert content["converged"] is True
+
+
+@pytest.mark.parametrize("name", ["shape.npz", "shape.json"])
+def test_solve_writes_a_file(root: Path, tmp_path: Path, name: str) -> None:
+    file = root / "models/robots/two_segment.toml"
+    assert run(["solve", str(file), "--bending-n", "1,0,0,1", "--out", str(tmp_path / name)]) == 0
+    content = np.load(tmp_path / name) if name.endswith("npz") else json.loads((tmp_path / name).read_text())
+    assert np.asarray(content["positions_m"]).shape == (21, 3)
+
+
+def test_solve_says_when_there_is_no_shape(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = root / "models/robots/paper.toml"
+    code = run(["solve", str(file), "--bending-n", "0,0", "--tip-force", "1e9,0,0"])
+    content = json.loads(capsys.readouterr().out)
+    assert code == 1
+    assert content["positions_m"] is None
+    assert content["status"] != "converged"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["solve", "none.toml", "--bending-n", "1,0"], "none.toml: no such file"),
+        (
+            ["solve", "{paper}", "--bending-n", "1,0,0"],
+            "--bending-n: expected 2 numbers separated by commas, got '1,0,0'",
+        ),
+        (["solve", "{paper}", "--bending-n", "1,nan"], "--bending-n: expected 2 numbers"),
+        (["solve", "{paper}", "--bending-n", "1,0", "--gravity", "0,0"], "--gravity: expected 3 numbers"),
+        (["solve", "{paper}", "--bending-n", "9,0"], "asks tendon 1 for"),
+        (
+            ["solve", "{paper}", "--bending-n", "1,0", "--out", "a.csv"],
+            "--out: expected a file ending in .json or .npz",
+        ),
+        (["plan", "none.toml", "--out", "{tmp}/x"], "none.toml: no such file"),
+        (["plan", "{paper}", "--out", "{tmp}/x"], "format: input should be 'tdcr-scenario/1', got 'tdcr-robot/1'"),
+        (["verify", "none.json"], "none.json: no such file"),
+        (["view", "none.json"], "none.json: no such file"),
+        (["info", "{readme}"], "expected a file ending in .toml, .pt or .json, got '.md'"),
+        (["info", "{pyproject}"], "format: expected 'tdcr-robot/1' or 'tdcr-scenario/1', got None"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: list[str], message: str, root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    places = {
+        "paper": root / "models/robots/paper.toml",
+        "readme": root / "README.md",
+        "pyproject": root / "pyproject.toml",
+        "tmp": tmp_path,
+    }
+    assert run([argument.format(**places) for argument in arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert message in error
+    assert "Traceback" not in error
+    assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_says_what_was_kept(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted() -> int:
+        """Stand in for a command that is interrupted."""
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(COMMANDS, "info", interrupted)
+    assert run(["info"]) == 1
+    assert "interrupted: nothing was written by this run" in capsys.readouterr().err
+
+
+def test_info_describes_a_robot(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", str(root / "models/robots/two_segment.toml")]) == 0
+    text = capsys.readouterr().out
+    assert "segment 2: 100 mm, 10 disks of 12 mm and 0.2 g" in text
+    assert "1 g payload" in text
