@@ -20,8 +20,8 @@ import trimesh
 CASING_RADIUS = 500.0  # outside of the casing, about the engine's axis
 CASING_THICKNESS = 10.0
 CASING_HALF_SPAN = np.deg2rad(22.0)
-CASING_AXIAL = (-130.0, 130.0)
-PORT_RADIUS = 20.0
+CASING_AXIAL = (-150.0, 160.0)
+PORT_RADIUS = 23.0
 PORT_SEGMENTS = 96
 PORT_RINGS = 18
 
@@ -60,7 +60,7 @@ BLADES = Row(
     pitch=np.deg2rad(9.0),
     offset=np.deg2rad(0.0),
     radii=(337.0, 486.0),
-    axial=66.0,
+    axial=112.0,
     chord=60.0,
     stagger=(np.deg2rad(15.0), np.deg2rad(45.0)),
     camber=(np.deg2rad(50.0), np.deg2rad(20.0)),
@@ -71,7 +71,7 @@ VANES = Row(
     pitch=np.deg2rad(10.0),
     offset=np.deg2rad(0.0),
     radii=(337.0, 486.0),
-    axial=-62.0,
+    axial=-106.0,
     chord=58.0,
     stagger=(np.deg2rad(-32.0), np.deg2rad(-28.0)),
     camber=(np.deg2rad(-45.0), np.deg2rad(-40.0)),
@@ -208,7 +208,7 @@ def oriented(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 def main(folder: Path) -> None:
     """Writes the three meshes into a folder."""
-    platform = make_shell(PLATFORM_RADII, CASING_HALF_SPAN, (20.0, 112.0))
+    platform = make_shell(PLATFORM_RADII, CASING_HALF_SPAN, (66.0, 158.0))
     make_casing().export(folder / "casing.stl")
     trimesh.util.concatenate([*make_row(BLADES), platform]).export(folder / "blades.stl")
     trimesh.util.concatenate(make_row(VANES)).export(folder / "vanes.stl")
