@@ -76,8 +76,12 @@ def describe(model: LearnedShape, evaluation: Evaluation) -> str:
         for index, row in enumerate(evaluation.by_load)
     ]
     speed = [
-        [str(timing.batch), f"{timing.model_us:.2f}", f"{timing.reference_us:.1f}"]
-        + [f"{timing.reference_us / timing.model_us:.1f}"]
+        [
+            f"{timing.batch}",
+            f"{timing.model_us:.2f}",
+            f"{timing.reference_us:.1f}",
+            f"{timing.reference_us / timing.model_us:.1f}",
+        ]
         for timing in evaluation.timings
     ]
     bound = model.card.error_bound

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from tdcr_planner.arrays import FloatArray
+from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import Domain
@@ -42,9 +42,9 @@ class Cases:
     def __len__(self) -> int:
         return len(self.tensions)
 
-    def take(self, rows: object) -> Cases:
+    def take(self, rows: slice | IntArray) -> Cases:
         """Returns some of the cases."""
-        return Cases(self.tensions[rows], self.gravity[rows], self.tip_force[rows])  # type: ignore[index]
+        return Cases(self.tensions[rows], self.gravity[rows], self.tip_force[rows])
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from tdcr_planner.errors import InputError
 from tdcr_planner.learning.dataset import (
     Cases,
     Progress,
+    Sample,
     SolvedCases,
     draw_cases,
     no_progress,
@@ -100,10 +101,12 @@ def evaluate_model(
             residual = model.residual(cases.tensions, gravity=cases.gravity, tip_force=cases.tip_force)[:, None]
         return poses.positions, poses.rotations, residual
 
-    accuracy, coverage = [], {}
-    for index, sample in enumerate(("planner", "uniform")):
+    accuracy: list[Accuracy] = []
+    coverage: dict[str, float] = {}
+    kinds: tuple[Sample, ...] = ("planner", "uniform")
+    for index, sample in enumerate(kinds):
         generator = np.random.default_rng([seed, 1000 + index])
-        cases = draw_cases(robot, domain, sample, samples, generator)  # type: ignore[arg-type]
+        cases = draw_cases(robot, domain, sample, samples, generator)
         solved = solve_cases(robot, cases, threads=threads, progress=progress, stage=f"{sample} cases")
         accuracy.append(measure_accuracy(predict, sample, solved))
         positions, rotations, _ = predict(solved.cases)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.learning.dataset import Cases, SolvedCases
+from tdcr_planner.learning.dataset import Cases, Sample, SolvedCases
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import rotation_distance
 from tdcr_planner.shape.card import Accuracy, ErrorBound
@@ -30,7 +30,7 @@ def body_errors(robot: RobotSpec, positions: FloatArray, rotations: FloatArray, 
     return np.asarray(position_errors(positions, solved) + robot.disk_radii * chord)
 
 
-def measure_accuracy(predict: Predict, sample: str, solved: SolvedCases) -> Accuracy:
+def measure_accuracy(predict: Predict, sample: Sample, solved: SolvedCases) -> Accuracy:
     """Returns the errors of a model on solved cases."""
     positions, rotations, residual = predict(solved.cases)
     distance = 1e3 * position_errors(positions, solved)
@@ -48,7 +48,7 @@ def measure_accuracy(predict: Predict, sample: str, solved: SolvedCases) -> Accu
         size = np.linalg.norm(residual, axis=1)
         overall |= {"residual_median_nm": float(np.median(size)), "residual_p99_nm": float(np.quantile(size, 0.99))}
     return Accuracy(
-        sample=sample,  # type: ignore[arg-type]
+        sample=sample,
         cases=len(solved.cases),
         position_median_mm=_tuple(np.median(distance, axis=0)),
         position_p99_mm=_tuple(np.quantile(distance, 0.99, axis=0)),

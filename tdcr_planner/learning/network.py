@@ -1,7 +1,5 @@
 """The `shooting` network: from tensions and loads to the rod's base moment, from there by mechanics to the shape."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +23,16 @@ class ShootingNetwork(nn.Module):
 
     The module can be scripted: everything that `forward` needs is in its buffers.
     """
+
+    features: Tensor
+    load_scale: Tensor
+    gaps: Tensor
+    offset_x: Tensor
+    offset_y: Tensor
+    offset_square: Tensor
+    first_sums: Tensor
+    second_sums: Tensor
+    present: Tensor
 
     def __init__(
         self, robot: RobotSpec, hidden: tuple[int, ...], corrections: int, gravity_max: float, tip_force_max: float
@@ -65,18 +73,6 @@ class ShootingNetwork(nn.Module):
         # The first guess is the unloaded rod: no base moment, and a tip moment that follows it one to one.
         nn.init.zeros_(self.head.weight)
         nn.init.zeros_(self.head.bias)
-
-    @torch.jit.ignore
-    def weights(self) -> ShootingWeights:
-        """Returns what was learned, for the compiled path."""
-        layers = [*self.layers, self.head]
-        return ShootingWeights(
-            features=_numbers(self.features),
-            load_scale=_numbers(self.load_scale),
-            matrices=tuple(_numbers(layer.weight) for layer in layers),
-            biases=tuple(_numbers(layer.bias) for layer in layers),
-            corrections=self.corrections,
-        )
 
     def forward(self, tensions: Tensor, gravity: Tensor, tip_force: Tensor) -> tuple[Tensor, Tensor]:
         """Returns the poses of all disks, base included, in the dtype of `tensions`.
@@ -223,6 +219,18 @@ class ShootingNetwork(nn.Module):
         turn = identity + s1.unsqueeze(2) * skew + s2.unsqueeze(2) * torch.matmul(skew, skew)
         moved = position + torch.matmul(rotation, chord.unsqueeze(2)).squeeze(2)
         return moved, torch.matmul(rotation, turn)
+
+
+def learned_weights(network: ShootingNetwork) -> ShootingWeights:
+    """Returns what a network has learned, for the compiled path."""
+    layers = [layer for layer in (*network.layers, network.head) if isinstance(layer, nn.Linear)]
+    return ShootingWeights(
+        features=_numbers(network.features),
+        load_scale=_numbers(network.load_scale),
+        matrices=tuple(_numbers(layer.weight) for layer in layers),
+        biases=tuple(_numbers(layer.bias) for layer in layers),
+        corrections=network.corrections,
+    )
 
 
 def _numbers(tensor: Tensor) -> Float32Array:

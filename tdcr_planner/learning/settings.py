@@ -139,53 +139,76 @@ class BoundSettings(FileModel):
 
 
 class PaperSettings(FileModel):
-    """The published network of Bensch et al. 2024 and its training; equation numbers are the paper's.
+    """The published network and its training (Bensch et al. 2024), numbers as the authors give them.
 
     Attributes:
         hidden: Width of each hidden layer: the first with SiLU, the others with tanh.
-        epochs: Epochs in all, of which the first `cycle_epochs` follow the one-cycle schedule.
+        epochs: Epochs in all.
         cycle_epochs: Epochs of the one-cycle schedule; after them the rate falls on plateaus.
         learning_rate: Peak of the cycle.
-        batch_size: Actuations a step.
         weight_decay: AdamW's weight decay.
-        plateau_factor: Factor on the rate when the loss has not fallen.
+        plateau_factor: Factor on the rate when the validation loss has not fallen.
         plateau_patience: Epochs to wait for a fall.
-        collocation_points: Arc lengths a case, between base and tip.
-        actuations: Actuations in the sector of 60 degrees.
-        label_share: Part of the actuations with a reference shape.
-        worst: Actuations of largest loss around which new ones are drawn.
-        resample_every: Epochs between two such draws.
-        resample_count: Actuations drawn around each of the worst.
-        resample_spread: Standard deviation of the draw, as a share of the largest tension.
-        weight_balance: Weight of the equilibrium residual, (15).
-        weight_kinematics: Weight of p' = R e3 and R' = R [u]x, (16).
-        weight_boundary: Weight of the boundary conditions, (17).
-        weight_position: Weight of the position error, (18).
-        weight_rotation: Weight of the rotation distance, (19) and (20).
-        weight_arc_length: Weight of the arc length, (21).
+        grid: Points of the collocation grid along arc length, direction and force.
+        batch_size: Collocation points a step.
+        reference_grid: Directions and forces of the actuations with a reference shape.
+        edge_actuations: Directions with a reference shape at the largest force.
+        data_batch: Disks with reference poses a step, drawn from all.
+        arc_points: Points by which the length of a predicted shape is measured.
+        arc_actuations: Shapes a step whose length is measured.
+        worst: Collocation points of largest loss around which others are drawn.
+        redrawn_share: Part of the points that is drawn around the worst.
+        spread_arc_length_m: Standard deviation of those draws along the arc length.
+        spread_tension: The same of the tensions, as a share of the largest.
+        weights: Weights of the parts of the loss.
     """
 
+    class Weights(FileModel):
+        """Weights of the parts of the loss: equations (15) to (21) of the paper.
+
+        Attributes:
+            position_slope: p' = R e3 at the collocation points, (15).
+            rotation_slope: R' = R [u]x there, (15).
+            curvature_slope: The balance of moments, u' as Rucker and Webster 2011 have it, (15).
+            base_position: p(0) = 0, (16).
+            base_rotation: R(0) = I, (16).
+            tip_moment: Constitutive law and tendons' moment agree at the tip, (17).
+            position: Reference positions, (18).
+            rotation: Distance (20) from reference rotations, (19).
+            curvature: Reference curvatures, (19).
+            arc_length: Length of the backbone, (21).
+        """
+
+        position_slope: NotNegative = 1e4
+        rotation_slope: NotNegative = 1e3
+        curvature_slope: NotNegative = 1.0
+        base_position: NotNegative = 1e7
+        base_rotation: NotNegative = 1e3
+        tip_moment: NotNegative = 1e8
+        position: NotNegative = 1e7
+        rotation: NotNegative = 1e2
+        curvature: NotNegative = 1.0
+        arc_length: NotNegative = 1e2
+
     hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (100, 100, 100)
-    epochs: Count = 200
+    epochs: Count = 1500
     cycle_epochs: Count = 150
     learning_rate: Positive = 1.5e-4
-    batch_size: Count = 16
     weight_decay: NotNegative = 0.01
     plateau_factor: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.5
-    plateau_patience: Count = 10
-    collocation_points: Count = 21
-    actuations: Count = 500
-    label_share: Share = 1.0
+    plateau_patience: Count = 20
+    grid: tuple[Count, Count, Count] = (32, 32, 32)
+    batch_size: Count = 1024
+    reference_grid: tuple[Count, Count] = (9, 9)
+    edge_actuations: Count = 96
+    data_batch: Count = 248
+    arc_points: Annotated[int, Field(ge=2)] = 200
+    arc_actuations: Count = 16
     worst: Count = 10
-    resample_every: Count = 10
-    resample_count: Count = 5
-    resample_spread: Positive = 0.02
-    weight_balance: NotNegative = 1.0
-    weight_kinematics: NotNegative = 1.0
-    weight_boundary: NotNegative = 10.0
-    weight_position: NotNegative = 1.0
-    weight_rotation: NotNegative = 1.0
-    weight_arc_length: NotNegative = 1.0
+    redrawn_share: Share = 0.25
+    spread_arc_length_m: Positive = 0.006
+    spread_tension: Positive = 0.03
+    weights: Weights = Weights()
 
 
 class TrainSettings(FileModel):

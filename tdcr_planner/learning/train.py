@@ -17,6 +17,7 @@ from tdcr_planner.learning.checkpoint import checkpoint_path, load_checkpoint, s
 from tdcr_planner.learning.dataset import (
     Cases,
     Progress,
+    Sample,
     SolvedCases,
     draw_cases,
     draw_mixture,
@@ -26,7 +27,7 @@ from tdcr_planner.learning.dataset import (
 from tdcr_planner.learning.export import UNITS, library_versions, write_model
 from tdcr_planner.learning.judge import Predict, calibrate_bound, measure_accuracy
 from tdcr_planner.learning.losses import physics_loss, reference_loss
-from tdcr_planner.learning.network import ShootingNetwork
+from tdcr_planner.learning.network import ShootingNetwork, learned_weights
 from tdcr_planner.learning.settings import TrainSettings
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import CARD_FORMAT, Calibration, ModelCard
@@ -91,7 +92,7 @@ def train_model(
         predict = _torch_predictor(network)
     else:
         network = train_shooting_network(robot, settings, out, progress=progress, log_folder=log_folder)
-        weights = network.weights()
+        weights = learned_weights(network)
         predict = _compiled_predictor(ShootingFunction(rod_constants(robot), weights))
     card = judge_model(robot, settings, predict, progress=progress, calibration=calibration)
     write_model(out, network, card, weights)
@@ -162,11 +163,12 @@ def judge_model(
 ) -> ModelCard:
     """Returns the card of a trained model: its errors and its bound, each on cases that nothing else has seen."""
     domain = settings.domain.for_robot(robot)
-    samples: dict[tuple[int, str], SolvedCases] = {}
+    samples: dict[tuple[int, Sample], SolvedCases] = {}
+    kinds: tuple[Sample, ...] = ("uniform", "planner")
     for stream in (_CALIBRATION, _TEST):
-        for sample in ("uniform", "planner"):
+        for sample in kinds:
             generator = _generator(settings, stream)
-            cases = draw_cases(robot, domain, sample, settings.bound.cases, generator)  # type: ignore[arg-type]
+            cases = draw_cases(robot, domain, sample, settings.bound.cases, generator)
             samples[stream, sample] = solve_cases(
                 robot, cases, threads=settings.dataset.threads, progress=progress, stage=f"{sample} cases"
             )
@@ -190,9 +192,9 @@ def judge_model(
 
 
 def settings_hash(settings: TrainSettings) -> str:
-    """Returns a hash of all settings that decide the outcome of a training."""
-    content = settings.model_dump(mode="json")
-    del content["dataset"]["threads"], content["bound"]
+    """Returns a hash of all settings that decide the outcome of a training of the `shooting` network."""
+    content = settings.model_dump(mode="json", exclude={"bound", "paper"})
+    del content["dataset"]["threads"]
     return sha256_of_json(content)
 
 

@@ -56,24 +56,24 @@ class ConstantCurvatureShape:
             curvature = np.zeros((count, 3))
             curvature[:, :2] = moment / backbone.stiffness_bending_torsion[0]
             curvature += np.asarray(backbone.rest_curvature_1_m)
-            start_position, start_rotation = positions[:, disk], rotations[:, disk]
-            for step in range(1, segment.disks + 1):
-                arc_length = segment.length_m * step / segment.disks
-                rotations[:, disk + step] = start_rotation @ rotation_from_vector(curvature * arc_length)
-                chord = _arc_chord(curvature, arc_length)
-                positions[:, disk + step] = start_position + np.einsum("nij,nj->ni", start_rotation, chord)
+            start_position, start_rotation = positions[:, disk, None], rotations[:, disk, None]
+            arc_lengths = segment.length_m * np.arange(1, segment.disks + 1) / segment.disks
+            turns = curvature[:, None] * arc_lengths[:, None]
+            here = slice(disk + 1, disk + 1 + segment.disks)
+            rotations[:, here] = start_rotation @ rotation_from_vector(turns)
+            chords = arc_lengths[:, None] * _unit_chord(turns)
+            positions[:, here] = start_position + (start_rotation @ chords[..., None])[..., 0]
             disk += segment.disks
         return DiskPoses(positions, rotations, np.ones(count, dtype=np.bool_))
 
 
-def _arc_chord(curvature: FloatArray, arc_length: float) -> FloatArray:
-    """Returns the integral of exp([u]x s) e3 over s in [0, arc_length] for constant u, shape (n, 3), m."""
-    axis = curvature * arc_length
-    angle = np.linalg.norm(axis, axis=1)[:, None]
+def _unit_chord(turn: FloatArray) -> FloatArray:
+    """Returns the integral of exp([a]x s) e3 over s in [0, 1] for rotation vectors a, shape (..., 3)."""
+    angle = np.linalg.norm(turn, axis=-1)[..., None]
     small = angle < 1e-4
     safe = np.where(small, 1.0, angle)
     first = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
     second = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
-    e3 = np.broadcast_to(np.array([0.0, 0.0, 1.0]), axis.shape)
-    once = np.cross(axis, e3)
-    return np.asarray(arc_length * (e3 + first * once + second * np.cross(axis, once)))
+    e3 = np.broadcast_to(np.array([0.0, 0.0, 1.0]), turn.shape)
+    once = np.cross(turn, e3)
+    return np.asarray(e3 + first * once + second * np.cross(turn, once))

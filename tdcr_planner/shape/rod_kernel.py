@@ -328,7 +328,7 @@ def load(work, tensions, gravity, tip_force, base_moment, base_mass, start, coun
 
 
 @numba.njit(cache=True, error_model="numpy", boundscheck=False)
-def _integrate(
+def _integrate(  # type: ignore[no-untyped-def]
     gaps,
     first_tendon,
     offsets,
@@ -341,7 +341,7 @@ def _integrate(
     rotations,
     residual,
     side_by_side,
-):  # type: ignore[no-untyped-def]
+):
     lanes = len(side_by_side)
     work = np.zeros((WORK_ROWS + len(offsets)) * lanes)
     cases = len(tensions)

@@ -127,7 +127,7 @@ def _evaluate_network(matrices, biases, load_scale, tensions, gravity, tip_force
 
 
 @numba.njit(fastmath=FAST_MATH, cache=True, error_model="numpy", boundscheck=False)
-def _correct_and_shoot(
+def _correct_and_shoot(  # type: ignore[no-untyped-def]
     gaps,
     first_tendon,
     offsets,
@@ -144,7 +144,7 @@ def _correct_and_shoot(
     start,
     stop,
     side_by_side,
-):  # type: ignore[no-untyped-def]
+):
     """Learned Newton steps and the last integration, for cases start ... stop."""
     lanes = len(side_by_side)
     work = np.zeros((WORK_ROWS + len(offsets)) * lanes)
@@ -165,7 +165,7 @@ def _correct_and_shoot(
 
 
 @numba.njit(cache=True, error_model="numpy", boundscheck=False)
-def _predict(
+def _predict(  # type: ignore[no-untyped-def]
     gaps,
     first_tendon,
     offsets,
@@ -180,7 +180,7 @@ def _predict(
     positions,
     rotations,
     residual,
-):  # type: ignore[no-untyped-def]
+):
     """Sixteen lanes are the fastest for many shapes, eight for up to eight."""
     cases = len(tensions)
     moment, inverse = np.empty((cases, 3)), np.empty((cases, 9))
