@@ -53,7 +53,7 @@ class SearchOutcome:
         rows: Waypoints of the path, shape (k, dimension), or None.
         goals: Index in rows at which each goal is reached, in the order of travel.
         order: The goals' numbers (from 0) in the order of travel.
-        statistics: name, iterations, vertices, goal_states, states_checked, edges_checked, rejected (a count a cause).
+        statistics: name, iterations, goal_states, states_checked, edges_checked, rejected (a count a cause).
     """
 
     status: SearchStatus
@@ -122,7 +122,6 @@ class _Query:
     seed: int
     progress: Progress | None
     iterations: int = 0
-    vertices: int = 0
     sources: list[GoalSource] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -162,7 +161,6 @@ class _Query:
             source = self.sources[number]
             found = None if now >= self.deadline else run.run(rows[-1], source, self.seed + leg)
             self.iterations += run.iterations
-            self.vertices += run.vertices
             if found is not None:
                 found = _with_exact_ends(found, rows[-1], source)
             if found is None or not self.edges.path_valid(found):
@@ -225,7 +223,6 @@ class _Query:
         statistics = {
             "name": self.scenario.planner.name,
             "iterations": self.iterations,
-            "vertices": self.vertices,
             "goal_states": sum(len(source.rows) for source in self.sources),
             "states_checked": self.checker.states_checked - self._states_before,
             "edges_checked": self.edges.edges_checked - self._edges_before,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 import time
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -96,7 +97,6 @@ class PlannerRun:
     deadline: float
     progress: Progress | None = None
     iterations: int = 0
-    vertices: int = 0
     error: BaseException | None = None
 
     def __post_init__(self) -> None:
@@ -122,11 +122,15 @@ class PlannerRun:
         information.setup()
         states = ob.GoalStates(information)
         self._goal, self._states, self._information = goal, states, information
-        try:
-            return self._solve(information, states, start)
-        finally:
-            # The binding keeps what a callback holds alive: without this the planner's tree would never be freed.
-            del self._goal, self._states, self._information
+        rows = self._solve(information, states, start)
+        # The binding keeps what a callback holds alive: without this the planner's tree would never be freed.
+        del self._goal, self._states, self._information
+        if self.error is not None:
+            error, self.error = self.error, None
+            # The callback's frames hold OMPL's states, which are no more.
+            traceback.clear_frames(error.__traceback__)
+            raise error
+        return rows
 
     def _solve(self, information: Any, states: Any, start: FloatArray) -> FloatArray | None:
         definition = ob.ProblemDefinition(information)
@@ -145,14 +149,11 @@ class PlannerRun:
             planner.setProblemDefinition(definition)
             planner.setup()
             planner.solve(condition)
-            self.vertices += _vertices(planner, information)
             if self.name not in _SINGLE_SHOT or definition.hasExactSolution() or self._stop():
                 break
             samples = max(2 * samples, 2 * planner.getNumSamples())
             definition.clearSolutionPaths()
-        if self.error is not None:
-            raise self.error
-        if not definition.hasExactSolution():
+        if self.error is not None or not definition.hasExactSolution():
             return None
         path = definition.getSolutionPath()
         return np.array([self._read(path.getState(index)) for index in range(path.getStateCount())])
@@ -271,12 +272,6 @@ def _convert(key: str, value: Any, kind: type) -> Any:
         return float(value)
     wanted = {bool: "true or false", int: "a whole number of 0 or more", float: "a finite number"}[kind]
     raise InputError(f"planner.parameters.{key}", wanted, repr(value))
-
-
-def _vertices(planner: Any, information: Any) -> int:
-    data = ob.PlannerData(information)
-    planner.getPlannerData(data)
-    return int(data.numVertices())
 
 
 def _seed(seed: int) -> None:

@@ -26,8 +26,8 @@ def path_times(scenario: Scenario, space: ConfigurationSpace, rows: FloatArray, 
         tensions: Tensions of the states, shape (k, t), N.
     """
     limits = scenario.file.limits
-    if len(rows) == 0:
-        return np.zeros(0)
+    if len(rows) < 2:
+        return np.zeros(len(rows))
     needed = [np.full(len(rows) - 1, _SHORTEST_INTERVAL_S)]
     needed.append(steepest_tension(space, rows, tensions) / limits.tension_rate_n_s)
     needed.append(np.abs(np.diff(space.insertion(rows))) / limits.insertion_speed_m_s)

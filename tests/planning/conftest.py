@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tdcr_planner.planning.edges import EdgeChecker
-from tdcr_planner.planning.scenario import Scenario
+from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
 from tdcr_planner.robot import RobotSpec
@@ -20,11 +20,12 @@ from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 
 @dataclass
 class BoxScene:
-    """Axis-aligned boxes against points on the rims and centres of all disks but the base, and between them."""
+    """Axis-aligned boxes against all disks but the base: balls of the disks' radius, or points of their rims."""
 
     boxes: np.ndarray  # (b, 2, 3) lower and upper corner, m
     margins: np.ndarray  # (d,) m
     radii: np.ndarray  # (d,) m
+    rims: bool = False
     asked: int = 0
 
     def body_points(self, positions, rotations):
@@ -37,12 +38,12 @@ class BoxScene:
 
     def gaps(self, positions, rotations):
         """Returns the distance of each disk from the nearest box, shape (n, d - 1), m."""
-        points = self.body_points(positions, rotations)
+        points = self.body_points(positions, rotations) if self.rims else positions[:, 1:, None]
         nearest = np.full(points.shape[:2], np.inf)
         for lower, upper in self.boxes:
             outside = np.maximum(np.maximum(lower - points, points - upper), 0.0)
-            nearest = np.minimum(nearest, np.linalg.norm(outside, axis=-1).min(axis=2))
-        return nearest
+            nearest = np.minimum(nearest, np.sqrt((outside**2).sum(axis=-1)).min(axis=2))
+        return nearest if self.rims else nearest - self.radii[1:]
 
     def check(self, positions, rotations):
         assert np.isfinite(positions).all()
@@ -72,7 +73,12 @@ def make_setup(make_scenario: Callable[..., Scenario]) -> Callable[..., SimpleNa
         **changes: Any,
     ) -> SimpleNamespace:
         settings = {"validity": "constant_curvature", **(planner or {})}
+        goals = changes.pop("goals", None)
         scenario = make_scenario(robot, planner=settings, **changes)
+        if goals is not None:
+            tour = {"goal": None, "goals": tuple(Goal.model_validate(goal) for goal in goals)}
+            file = scenario.file.model_copy(update=tour)
+            scenario = Scenario(scenario.path, scenario.sha256, file, scenario.robot)
         if spec is not None:
             scenario = Scenario(scenario.path, scenario.sha256, scenario.file, spec)
         space = ConfigurationSpace(scenario)

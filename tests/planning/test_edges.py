@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tdcr_planner.planning.edges import EdgeChecker
+from tdcr_planner.planning.validity import sample_within_tensions
+import itertools
+
+MOVING_BASE = {"insertion_m": [0.0, 0.1], "roll_deg": [-180.0, 180.0]}
+WALL_M = 1e-4
+
+
+def random_edges(setup, random, count):
+    """Returns ends of random edges, from a few millimetres to the whole range."""
+    first = sample_within_tensions(setup.checker, count, random)
+    second = sample_within_tensions(setup.checker, count, random)
+    return first, first + random.uniform(0.02, 1.0, (count, 1)) * (second - first)
+
+
+def walls_across_edges(setup, random, count):
+    """Yields edges and for each a wall of 0.1 mm by 0.2 mm that a body point passes somewhere on the way."""
+    for row_a, row_b in zip(*random_edges(setup, random, count), strict=True):
+        at = row_a + random.uniform() * (row_b - row_a)
+        positions, rotations, _ = setup.checker.world_poses(at[None])
+        points = setup.scene.body_points(positions, rotations)[0].reshape(-1, 3)
+        size = np.full(3, 1e-4)
+        size[random.integers(3)] = WALL_M / 2.0
+        centre = points[random.integers(len(points))]
+        yield row_a, row_b, np.array([[centre - size, centre + size]])
+
+
+@pytest.mark.parametrize("robot", ["paper", "two_segment"])
+@pytest.mark.parametrize("step", [0.001, 0.004])
+def test_no_thin_wall_across_an_edge_is_missed(make_setup, random, robot, step):
+    planner = {"clearance_m": 0.0, "step_m": step}
+    setup = make_setup(robot, base=MOVING_BASE, planner=planner)
+    setup.scene.rims = True
+    for row_a, row_b, setup.scene.boxes in walls_across_edges(setup, random, 60):
+        assert not setup.edges.check_edge(row_a, row_b)
+
+
+def test_the_walls_are_thin_enough_to_be_missed_without_the_half_step(make_setup, random):
+    setup = make_setup(base=MOVING_BASE, planner={"clearance_m": 0.0, "step_m": 0.004})
+    setup.scene.rims = True
+    setup.scene.margins = np.zeros_like(setup.scene.margins)
+    missed = 0
+    for row_a, row_b, setup.scene.boxes in walls_across_edges(setup, random, 60):
+        missed += setup.edges.check_edge(row_a, row_b)
+    assert missed > 20
+
+
+@pytest.mark.parametrize("robot", ["paper", "two_segment"])
+def test_between_two_states_every_point_is_within_half_a_step_of_one_of_them(make_setup, random, robot):
+    setup = make_setup(robot, base=MOVING_BASE, planner={"step_m": 0.003})
+    share = np.linspace(0.0, 1.0, 21)[:, None]
+    for row_a, row_b in zip(*random_edges(setup, random, 5), strict=True):
+        rows = setup.edges.subdivide(row_a, row_b)
+        np.testing.assert_array_equal(rows[[0, -1]], [row_a, row_b])
+        for first, second in itertools.pairwise(rows):
+            positions, rotations, _ = setup.checker.world_poses(first + share * (second - first))
+            points = setup.scene.body_points(positions, rotations)
+            from_first = np.linalg.norm(points - points[0], axis=-1).max(axis=(1, 2))
+            from_second = np.linalg.norm(points - points[-1], axis=-1).max(axis=(1, 2))
+            # 1e-9 m: rounding of positions of some 0.1 m, with room to spare.
+            assert np.minimum(from_first, from_second).max() <= 0.0015 + 1e-9
+            assert from_first[-1] <= 0.003 + 1e-9
+
+
+def test_the_number_of_states_follows_the_motion(make_setup):
+    setup = make_setup(base={"insertion_m": [0.0, 0.1]}, planner={"step_m": 0.002})
+    rows = setup.edges.subdivide(np.zeros(3), np.array([0.0, 0.0, 0.1]))
+    # A straight insertion of 100 mm in steps of 2 mm needs 50 intervals; the refinement may add some of its own.
+    assert 51 <= len(rows) <= 60
+    assert len(setup.edges.subdivide(np.zeros(3), np.array([0.0, 0.0, 0.1]), 0.0002)) >= 501
+
+
+def test_an_edge_is_judged_the_same_in_both_directions(make_setup, random):
+    box = [[[0.05, -0.02, 0.12], [0.07, 0.02, 0.16]]]
+    setup = make_setup(base=MOVING_BASE, boxes=box)
+    verdicts = []
+    for row_a, row_b in zip(*random_edges(setup, random, 40), strict=True):
+        there = EdgeChecker(setup.checker, 0.002).check_edge(row_a, row_b)
+        back = EdgeChecker(setup.checker, 0.002).check_edge(row_b, row_a)
+        verdicts.append(there)
+        assert there == back
+    assert 4 < sum(verdicts) < 36
+
+
+def test_the_end_is_asked_first_and_only_once(make_setup):
+    box = [[[0.08, -0.1, 0.0], [0.2, 0.1, 0.3]]]
+    setup = make_setup(boxes=box)
+    assert not setup.edges.check_edge(np.zeros(2), np.array([2.5, 0.0]))
+    assert setup.scene.asked == 1
+    setup.scene.boxes = np.zeros((0, 2, 3))
+    assert setup.edges.check_edge(np.zeros(2), np.array([0.5, 0.0]))
+    asked = setup.scene.asked
+    assert setup.edges.check_edge(np.array([0.5, 0.0]), np.zeros(2))
+    assert setup.scene.asked - asked < asked
+    assert setup.edges.edges_checked == 3
+    assert setup.edges.edges_rejected == 1
+
+
+def test_an_edge_that_stays_put_is_a_state(make_setup):
+    setup = make_setup(boxes=[[[0.08, -0.1, 0.0], [0.2, 0.1, 0.3]]])
+    bent = np.array([2.5, 0.0])
+    assert setup.edges.check_edge(np.zeros(2), np.zeros(2))
+    assert not setup.edges.check_edge(bent, bent)
+    assert setup.edges.path_valid(np.zeros((1, 2)))
+    assert not setup.edges.path_valid(np.array([[0.0, 0.0], bent]))
+
+
+def test_an_edge_out_of_the_tension_limits_never_reaches_the_scene(make_setup):
+    setup = make_setup()
+    assert not setup.edges.check_edge(np.zeros(2), np.array([9.0, 0.0]))
+    assert setup.scene.asked == 0
+
+
+def test_a_dense_path_keeps_its_waypoints(make_setup):
+    setup = make_setup()
+    waypoints = np.array([[0.0, 0.0], [1.0, 0.5], [0.2, -0.6]])
+    dense = setup.edges.densify(waypoints)
+    assert all((dense == row).all(axis=1).any() for row in waypoints)
+    assert len(np.unique(dense, axis=0)) == len(dense)
