@@ -1,11 +1,12 @@
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.validity import sample_within_tensions
-import itertools
 
 MOVING_BASE = {"insertion_m": [0.0, 0.1], "roll_deg": [-180.0, 180.0]}
 WALL_M = 1e-4
@@ -36,7 +37,8 @@ def test_no_thin_wall_across_an_edge_is_missed(make_setup, random, robot, step):
     planner = {"clearance_m": 0.0, "step_m": step}
     setup = make_setup(robot, base=MOVING_BASE, planner=planner)
     setup.scene.rims = True
-    for row_a, row_b, setup.scene.boxes in walls_across_edges(setup, random, 60):
+    for row_a, row_b, wall in walls_across_edges(setup, random, 60):
+        setup.scene.boxes = wall
         assert not setup.edges.check_edge(row_a, row_b)
 
 
@@ -45,7 +47,8 @@ def test_the_walls_are_thin_enough_to_be_missed_without_the_half_step(make_setup
     setup.scene.rims = True
     setup.scene.margins = np.zeros_like(setup.scene.margins)
     missed = 0
-    for row_a, row_b, setup.scene.boxes in walls_across_edges(setup, random, 60):
+    for row_a, row_b, wall in walls_across_edges(setup, random, 60):
+        setup.scene.boxes = wall
         missed += setup.edges.check_edge(row_a, row_b)
     assert missed > 20
 
