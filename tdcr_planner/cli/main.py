@@ -8,10 +8,12 @@ from collections.abc import Callable, Sequence
 
 import tyro
 
+from tdcr_planner.cli.compare import compare
 from tdcr_planner.cli.evaluate import evaluate
 from tdcr_planner.cli.info import info
 from tdcr_planner.cli.plan import plan
 from tdcr_planner.cli.solve import solve
+from tdcr_planner.cli.sweep import sweep
 from tdcr_planner.cli.train import train
 from tdcr_planner.cli.verify import verify
 from tdcr_planner.cli.view import view
@@ -25,6 +27,8 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "plan": plan,
     "verify": verify,
     "view": view,
+    "compare": compare,
+    "sweep": sweep,
     "solve": solve,
     "train": train,
     "evaluate": evaluate,

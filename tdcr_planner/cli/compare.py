@@ -1,0 +1,82 @@
+"""tdcr compare: how often the learned model and constant curvature are wrong about a scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+if TYPE_CHECKING:
+    from tdcr_planner.compare.comparison import Comparison
+
+
+def compare(
+    scenario: tyro.conf.Positional[Path],
+    *,
+    out: Path,
+    samples: int = 10_000,
+    paths: int = 5,
+    seed: int = 1,
+    jobs: int | None = None,
+    progress: bool = True,
+) -> int:
+    """Compare the verdicts of learned model and constant curvature with the Cosserat reference, on states and paths.
+
+    Example: tdcr compare scenes/duct/scenario_elbow.toml --out out/compare --samples 10000
+
+    Writes compare.json, tables (CSV), plots (PNG, PDF) and pictures of the worst disagreements into the output folder,
+    all or nothing.
+
+    Args:
+        scenario: Scenario file; it must name a shape model.
+        out: Folder for the result.
+        samples: Number of states, uniform in the scenario's configuration space.
+        paths: Queries to plan with each model; 0 for none.
+        seed: Seed of the states.
+        jobs: Worker processes; the number of processors without it.
+        progress: Draw a progress bar.
+    """
+    from tdcr_planner.cli.count_bar import CountBar
+    from tdcr_planner.compare.comparison import compare as compare_scenario
+    from tdcr_planner.planning.scenario import load_scenario
+    from tdcr_planner.report.compare_results import write_comparison
+    from tdcr_planner.workers import usable_cpus
+
+    with CountBar("comparing", 1, shown=progress) as bar:
+        found = compare_scenario(
+            load_scenario(scenario),
+            samples=samples,
+            paths=paths,
+            seed=seed,
+            jobs=usable_cpus() if jobs is None else jobs,
+            progress=bar.update,
+        )
+    write_comparison(found, out)
+    print(describe(found))
+    print(f"files:     {out}/compare.json verdicts.csv agreement.csv states.csv and plots")
+    return 0
+
+
+def describe(comparison: Comparison) -> str:
+    """Returns a comparison as a few lines for a terminal."""
+    from tdcr_planner.compare.paths import path_rates
+    from tdcr_planner.compare.verdicts import MODELS, VARIANTS
+    from tdcr_planner.rates import ratio_at_least
+
+    verdicts = comparison.verdicts
+    lines = [f"states:    {len(verdicts.rows):,}, {100 * verdicts.reference_valid.mean():.1f} % of them valid"]
+    rates = {}
+    for variant in VARIANTS:
+        rates[variant.name] = found = comparison.confusion(variant).rates
+        lines.append(f"{variant.name}:")
+        lines.append(f"           false valid {found['false_valid']}, false invalid {found['false_invalid']}")
+    bound = ratio_at_least(rates["constant_curvature"]["false_valid"], rates["learned"]["false_valid"])
+    lines.append(f"ratio:     constant curvature is falsely valid at least {bound:.3g} times as often (95 %)")
+    slowest = max(time.check_us for time in comparison.times)
+    for time in comparison.times:
+        lines.append(f"time:      {time.model}: {time.check_us:.3g} us a state, {slowest / time.check_us:.3g} times")
+    for path in path_rates(comparison.paths, MODELS) if comparison.paths else ():
+        lines.append(f"paths:     {path.model}: first path verified {path.verified_at_once}")
+        lines.append(f"           verified in the end {path.verified}")
+    return "\n".join(lines)

@@ -1,0 +1,240 @@
+"""The comparison of a scenario: sampled states and planned paths, judged by models and reference."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from tdcr_planner.arrays import FloatArray
+from tdcr_planner.compare.confusion import Confusion, count_verdicts
+from tdcr_planner.compare.paths import PlannedPath, plan_path
+from tdcr_planner.compare.timing import CheckTime, measure_times
+from tdcr_planner.compare.verdicts import (
+    MODELS,
+    VARIANTS,
+    Variant,
+    Verdicts,
+    join_verdicts,
+    judge,
+    sample_configurations,
+)
+from tdcr_planner.errors import FormatError, InputError, TdcrError
+from tdcr_planner.planning.scenario import Scenario, Validity
+from tdcr_planner.session import PlanningSession
+from tdcr_planner.workers import Outcome, run_jobs
+
+# Fixed, so that the batches, and with them the last digits of the network's answers, do not depend on the workers.
+BATCH = 1000
+WORST_OF_A_KIND = 2
+_TIMED_STATES = 1000
+
+Progress = Callable[[int, int, str], None]
+Kind = Literal["false_valid", "false_invalid"]
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """A state on which a variant and the reference disagree.
+
+    Attributes:
+        variant: Name of the variant.
+        kind: "false_valid" or "false_invalid".
+        state: Its index among the sampled states.
+        row: The configuration, shape (dimension,).
+        clearance: Under the reference, m.
+        deviation: Of the model from the reference, m.
+        positions: Disk centres by the reference, shape (d, 3), m, world frame.
+        rotations: world_from_disk by the reference, shape (d, 3, 3).
+        model_positions: Disk centres by the model, shape (d, 3), m, world frame.
+        model_rotations: world_from_disk by the model, shape (d, 3, 3).
+    """
+
+    variant: str
+    kind: Kind
+    state: int
+    row: FloatArray
+    clearance: float
+    deviation: float
+    positions: FloatArray
+    rotations: FloatArray
+    model_positions: FloatArray
+    model_rotations: FloatArray
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What a comparison has found.
+
+    Attributes:
+        scenario: The scenario.
+        seed: Seed of the states.
+        drawn: Draws it took; those that are not among the states break a tension limit.
+        verdicts: The states and what was said of them.
+        error_bound: The learned model's bound, shape (d,), m.
+        times: Time a verdict.
+        paths: Planned paths.
+        disagreements: The worst wrong verdicts with their shapes.
+        hashes: SHA-256 of scenario, robot mechanics and shape model.
+        seconds: Wall time: load, states, times, paths.
+    """
+
+    scenario: Scenario
+    seed: int
+    drawn: int
+    verdicts: Verdicts
+    error_bound: FloatArray
+    times: tuple[CheckTime, ...]
+    paths: tuple[PlannedPath, ...]
+    disagreements: tuple[Disagreement, ...]
+    hashes: dict[str, str]
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def confusion(self, variant: Variant) -> Confusion:
+        """Returns a variant's confusion matrix."""
+        return count_verdicts(self.verdicts.valid(variant), self.verdicts.reference_valid)
+
+
+def compare(
+    scenario: Scenario,
+    *,
+    samples: int = 10_000,
+    paths: int = 5,
+    seed: int = 1,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Compares the learned model and constant curvature with the Cosserat reference in a scenario.
+
+    Args:
+        scenario: The scenario; it names a shape model.
+        samples: Number of states.
+        paths: Queries to plan with each shape model, with seeds 1, 2, ...; 0 for none.
+        seed: Seed of the states.
+        jobs: Worker processes. The verdicts do not depend on it.
+        progress: Told steps done, steps in all, and what is going on.
+
+    Returns:
+        The comparison.
+
+    Raises:
+        InputError: A number is out of its range.
+        FormatError: The scenario names no shape model.
+    """
+    for name, value, least in (("samples", samples, 1), ("paths", paths, 0), ("seed", seed, 0), ("jobs", jobs, 1)):
+        if value < least:
+            raise InputError(name, f"{least} or more", value)
+    if scenario.shape_model_path is None:
+        raise FormatError(scenario.path, "missing: there is nothing to compare without a learned model", "shape_model")
+    tell = progress or (lambda *_: None)
+    begin = time.perf_counter()
+    session = PlanningSession(scenario.with_planner(validity="learned"))
+    rows, drawn = sample_configurations(session.space, samples, seed)
+    batches = [rows[start : start + BATCH] for start in range(0, samples, BATCH)]
+    queries = [(model, number) for model in MODELS for number in range(1, paths + 1)]
+    tasks: list[_Task] = [_Task(session.scenario, rows=batch) for batch in batches]
+    tasks += [_Task(session.scenario, query=query) for query in queries]
+    loaded = time.perf_counter()
+    tell(0, len(tasks), "")
+    times = measure_times(session, rows[:_TIMED_STATES])
+    timed = time.perf_counter()
+    answers: dict[int, Any] = {}
+    for outcome in _run(session, tasks, jobs):
+        if outcome.error:
+            raise TdcrError(f"a part of the comparison failed: {outcome.error}")
+        answers[outcome.index] = outcome.value
+        task = tasks[outcome.index]
+        tell(len(answers), len(tasks), "states" if task.query is None else f"paths, {task.query[0]}")
+    verdicts = join_verdicts([answers[index] for index in range(len(batches))])
+    judged = time.perf_counter()
+    learned: Any = session.model("learned")
+    return Comparison(
+        scenario=session.scenario,
+        seed=seed,
+        drawn=drawn,
+        verdicts=verdicts,
+        error_bound=learned.error_bound,
+        times=times,
+        paths=tuple(answers[index] for index in range(len(batches), len(tasks))),
+        disagreements=tuple(_worst_disagreements(session, verdicts)),
+        hashes={
+            "scenario": scenario.sha256,
+            "robot": scenario.robot.mechanics_hash,
+            "shape_model": learned.sha256,
+        },
+        seconds={"load": loaded - begin, "times": timed - loaded, "states_and_paths": judged - timed},
+    )
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A batch of states to judge, or a query to plan."""
+
+    scenario: Scenario
+    rows: FloatArray | None = None
+    query: tuple[Validity, int] | None = None
+
+    def run(self, session: PlanningSession) -> Verdicts | PlannedPath:
+        if self.query is not None:
+            return plan_path(session, *self.query)
+        assert self.rows is not None  # a task without a query has rows
+        return judge(session, self.rows)
+
+
+_sessions: dict[tuple[str, str], PlanningSession] = {}
+
+
+def _run_task(task: _Task) -> Verdicts | PlannedPath:
+    """Runs a task in a worker process, which keeps its session."""
+    key = (str(task.scenario.path), task.scenario.sha256)
+    if key not in _sessions:
+        _sessions[key] = PlanningSession(task.scenario)
+    return task.run(_sessions[key])
+
+
+def _run(session: PlanningSession, tasks: Sequence[_Task], jobs: int) -> Iterator[Outcome]:
+    if jobs > 1:
+        yield from run_jobs(_run_task, tasks, workers=jobs)
+        return
+    for index, task in enumerate(tasks):
+        yield Outcome(index, task.run(session))
+
+
+def _worst_disagreements(session: PlanningSession, verdicts: Verdicts) -> Iterator[Disagreement]:
+    """Yields the false-valid states of least clearance and the false-invalid ones of most, by variant."""
+    for variant in VARIANTS:
+        if variant.with_half_step:
+            continue
+        valid, truth = verdicts.valid(variant), verdicts.reference_valid
+        deviation = verdicts.deviation_of(variant.model)
+        drawable = np.isfinite(deviation) & np.isfinite(verdicts.clearance)
+        kinds: tuple[tuple[Kind, Any, float], ...] = (
+            ("false_valid", valid & ~truth, 1.0),
+            ("false_invalid", ~valid & truth, -1.0),
+        )
+        for kind, wrong, sign in kinds:
+            states = np.flatnonzero(wrong & drawable)
+            states = states[np.argsort(sign * verdicts.clearance[states], kind="stable")][:WORST_OF_A_KIND]
+            if not len(states):
+                continue
+            rows = verdicts.rows[states]
+            reference = session.verifier().judge_each(rows)[1]
+            positions, rotations, _ = session.checker(
+                session.scenario.with_planner(validity=variant.model)
+            ).world_poses(rows)
+            for place, state in enumerate(states.tolist()):
+                yield Disagreement(
+                    variant=variant.name,
+                    kind=kind,
+                    state=state,
+                    row=rows[place],
+                    clearance=float(verdicts.clearance[state]),
+                    deviation=float(deviation[state]),
+                    positions=reference.positions[place],
+                    rotations=reference.rotations[place],
+                    model_positions=positions[place],
+                    model_rotations=rotations[place],
+                )

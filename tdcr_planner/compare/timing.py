@@ -1,0 +1,57 @@
+"""What a verdict costs: microseconds a state by each shape model, on the same states and in one process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tdcr_planner.arrays import FloatArray
+from tdcr_planner.planning.scenario import Validity
+from tdcr_planner.planning.validity import ValidityChecker, planning_margins
+from tdcr_planner.session import PlanningSession
+
+TIMED_MODELS: tuple[Validity, ...] = ("learned", "constant_curvature", "reference")
+_ROUNDS = 5
+
+
+@dataclass(frozen=True)
+class CheckTime:
+    """Time of one shape model, medians over rounds in which the models take turns.
+
+    Attributes:
+        model: The shape model.
+        batch: States a call.
+        shape_us: For the disk poses in the world frame, us a state.
+        check_us: For the whole verdict with the margins of planning, us a state.
+    """
+
+    model: Validity
+    batch: int
+    shape_us: float
+    check_us: float
+
+
+def measure_times(session: PlanningSession, rows: FloatArray) -> tuple[CheckTime, ...]:
+    """Returns the time a verdict takes with each shape model, asked for all rows (n, dimension) in one call."""
+    checkers = {}
+    for name in TIMED_MODELS:
+        model = session.model(name)
+        scene = session.scene.with_margins(planning_margins(session.scenario, model))
+        checkers[name] = ValidityChecker(session.space, model, scene)
+    spent: dict[tuple[Validity, str], list[float]] = {}
+    for _ in range(_ROUNDS):
+        for name, checker in checkers.items():
+            for kind, call in (("shape", checker.world_poses), ("check", checker.check)):
+                spent.setdefault((name, kind), []).append(_seconds(call, rows))
+    micro = {key: 1e6 * float(np.median(times)) / len(rows) for key, times in spent.items()}
+    return tuple(CheckTime(name, len(rows), micro[name, "shape"], micro[name, "check"]) for name in TIMED_MODELS)
+
+
+def _seconds(call: Callable[[FloatArray], Any], rows: FloatArray) -> float:
+    begin = time.perf_counter()
+    call(rows)
+    return time.perf_counter() - begin
