@@ -8,14 +8,14 @@ import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.planning.scenario import Goal
-from tdcr_planner.planning.validity import Codes, ValidityChecker, sample_within_tensions
+from tdcr_planner.planning.validity import ValidityChecker, sample_within_tensions
 
 _DIFFERENCE_M = 1e-3  # body motion of a finite difference: far above float32 noise, far below the arcs' radii
 _LONGEST_STEP_M = 0.05
 _REFINEMENTS = 12
-_DIVERSITY_M = 0.01
-_AIM = 0.1  # refinement stops inside this share of the tolerances: what the model errs by must fit in beside it
-_ACCEPTED = 0.8
+_DIVERSITY_M = 0.005
+_AIM = 0.05  # refinement stops this near to its aim, as a share of the tolerances
+_LEAST_SHARE = 0.3  # of the tolerances, left for aiming beside what the model errs by
 
 
 class GoalSource(Protocol):
@@ -85,7 +85,8 @@ class TipGoal:
 
     Goal states come in rounds. A round samples shapes within the tension limits, takes those whose tip is nearest,
     and moves each to the goal by damped Gauss-Newton steps with differences of the model, all of them in one batch.
-    Each ends near where it started, so that they are as diverse as the samples. What collides is dropped, what lies
+    Each ends near where it started, so that they are as diverse as the samples. Half of them aim at the goal itself,
+    half at random places within the tolerances, less what the model may err by. What collides is dropped, what lies
     next to a state that is known already is dropped as well.
 
     Attributes:
@@ -105,12 +106,12 @@ class TipGoal:
             view = np.asarray(goal.view_direction, dtype=np.float64)
             self._view = view / np.linalg.norm(view)
         self._chord = 2.0 * np.sin(np.deg2rad(goal.view_tolerance_deg) / 2.0)
+        self._share = float(np.clip(1.0 - checker.model.error_bound[-1] / self._tolerance, _LEAST_SHARE, 0.9))
         self._generator = np.random.default_rng(seed)
         slow = checker.model.name == "reference"
         self._samples, self._kept = (96, 8) if slow else (2048, 96)
         self._next_due = 32
         self._taken = 0
-        self._colliding = 0
         self.rounds = 0
         self.rows: list[FloatArray] = []
         self.reached = 0
@@ -136,13 +137,17 @@ class TipGoal:
         residual, _ = self._residuals(rows)
         size = np.linalg.norm(residual, axis=1)
         rows = rows[np.argsort(size, kind="stable")[: self._kept]]
-        rows, within = self._refine(rows)
+        rows = self._refine(rows, self._aims(len(rows)))
+        residual, tips = self._residuals(rows)
+        size = np.linalg.norm(residual, axis=1)
+        nearest = int(np.argmin(size))
+        if size[nearest] < np.linalg.norm(self.nearest[0]):
+            self.nearest = (residual[nearest], tips[nearest])
+        within = self._within(residual, self._share)
         self.reached += int(within.sum())
-        candidates = self._diverse(rows[within])
-        if len(candidates):
-            codes: Codes = self._checker.check(candidates)
-            self._colliding += int((codes != 0).sum())
-            self.rows.extend(candidates[codes == 0])
+        if within.any():
+            candidates = rows[within]
+            self.rows.extend(self._diverse(candidates[self._checker.valid(candidates)]))
 
     def unreachable(self) -> str:
         """Returns the nearest reachable tip position when no round has come within the tolerance, collisions aside."""
@@ -181,34 +186,41 @@ class TipGoal:
             inside &= np.linalg.norm(residual[:, 3:], axis=1) <= share
         return np.asarray(inside)
 
-    def _refine(self, rows: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Moves rows (n, dimension) to the goal; returns the best place of each and which are within the tolerances."""
-        best, (best_residual, best_tips) = rows.copy(), self._residuals(rows)
+    def _aims(self, count: int) -> FloatArray:
+        """Returns the residuals to aim at, shape (count, 3 or 6): none for the even rows, random ones for the odd."""
+        width = 3 if self._view is None else 6
+        aims = self._generator.normal(size=(count, width // 3, 3))
+        aims /= np.linalg.norm(aims, axis=2)[:, :, None]
+        aims *= self._share * self._generator.uniform(size=(count, width // 3, 1)) ** (1.0 / 3.0)
+        aims[::2] = 0.0
+        return np.asarray(aims.reshape(count, width))
+
+    def _refine(self, rows: FloatArray, aims: FloatArray) -> FloatArray:
+        """Returns rows (n, dimension) moved to where their residuals are as near to their aims as they can get."""
+        best, best_residual = rows.copy(), self._residuals(rows)[0] - aims
         damping = np.full(len(rows), 1e-3)
         for _ in range(_REFINEMENTS):
             active = np.flatnonzero(~self._within(best_residual, _AIM) & np.isfinite(best_residual).all(axis=1))
             if not len(active):
                 break
-            tried = self._project(best[active] + self._step(best[active], best_residual[active], damping[active]))
-            residual, tips = self._residuals(tried)
+            tried = self._project(
+                best[active] + self._step(best[active], best_residual[active], aims[active], damping[active])
+            )
+            residual = self._residuals(tried)[0] - aims[active]
             better = np.linalg.norm(residual, axis=1) < np.linalg.norm(best_residual[active], axis=1)
             moved = active[better]
-            best[moved], best_residual[moved], best_tips[moved] = tried[better], residual[better], tips[better]
+            best[moved], best_residual[moved] = tried[better], residual[better]
             damping[moved] *= 0.3
             damping[active[~better]] *= 10.0
-        size = np.linalg.norm(best_residual, axis=1)
-        nearest = int(np.argmin(size))
-        if size[nearest] < np.linalg.norm(self.nearest[0]):
-            self.nearest = (best_residual[nearest].copy(), best_tips[nearest].copy())
-        return best, self._within(best_residual, _ACCEPTED)
+        return best
 
-    def _step(self, rows: FloatArray, residual: FloatArray, damping: FloatArray) -> FloatArray:
+    def _step(self, rows: FloatArray, residual: FloatArray, aims: FloatArray, damping: FloatArray) -> FloatArray:
         """Returns the damped Gauss-Newton step, the shortest in body motion, at most `_LONGEST_STEP_M` of it."""
         count, dimension = rows.shape
         scale = self._checker.motion_scale
         shifts = np.diag(_DIFFERENCE_M / scale)
         shifted, _ = self._residuals((rows[:, None, :] + shifts).reshape(-1, dimension))
-        shifted = shifted.reshape(count, dimension, -1)
+        shifted = shifted.reshape(count, dimension, -1) - aims[:, None, :]
         slope = np.where(np.isfinite(shifted), shifted - residual[:, None, :], 0.0) / _DIFFERENCE_M
         normal = np.swapaxes(slope, 1, 2) @ slope
         size = np.trace(normal, axis1=1, axis2=2) / normal.shape[1]
