@@ -15,7 +15,12 @@ from numba import njit
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.statics.rod import RodArrays
 
-OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "fastmath": {"contract", "reassoc", "arcp", "nsz"}}
+OPTIONS: dict[str, Any] = {
+    "nogil": True,
+    "cache": True,
+    "error_model": "numpy",
+    "fastmath": {"contract", "reassoc", "arcp", "nsz"},
+}
 
 STRAIN_TOLERANCE = 1e-12
 STRAIN_ITERATIONS = 60
@@ -23,12 +28,13 @@ STRAIN_ITERATIONS = 60
 CONVERGED, UNSTABLE, LIMIT_POINT, NOT_CONVERGED = 0, 1, 2, 3
 
 NEWTON_LIMIT = 12
+SWEEP_LIMIT = 2000
 CONTRACTION = 0.5
 CAUTIOUS_CONTRACTION = 0.25
-SHORT_LOAD_STEP = 1.0 / 16.0
 # A branch that follows on loses its derivative at a limit point: det dM(l)/dM(0), 1 for a rod without loads, is zero.
 LIMIT_DETERMINANT = 0.1
-SMALLEST_LOAD_STEP = 1e-4
+SMALLEST_LOAD_STEP = 2e-5
+LONG_LOAD_STEP = 1.0 / 16.0
 LARGEST_MOMENT = 1e6
 
 
@@ -644,300 +650,6 @@ def sweep(
 
 
 @njit(**OPTIONS)
-def newton(
-    rod: RodArrays,
-    tau: FloatArray,
-    forces: FloatArray,
-    weights: FloatArray,
-    tip_moment: FloatArray,
-    base_moment: FloatArray,
-    tolerance: float,
-    cautious: bool,
-    positions: FloatArray,
-    rotations: FloatArray,
-) -> tuple[bool, float, int, bool, float]:
-    """Newton's method on M(0), given up as soon as it does not contract.
-
-    Contraction from the first step on keeps it on the branch of its starting point (Deuflhard 2011, ch. 5). A cautious
-    run asks for more of it, and gives up at the first shape that is not stable: a long step must not jump to or over a
-    part of the branch that only short steps can follow.
-
-    Returns:
-        Whether it converged, residual in N m, sweeps made, whether the equilibrium is stable, determinant of
-        dM(l)/dM(0); `base_moment`, `positions` and `rotations` hold the result.
-    """
-    limit = CAUTIOUS_CONTRACTION if cautious else CONTRACTION
-    end, trial_end, trial = np.empty(3), np.empty(3), np.empty(3)
-    angle, moment, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    delta, record = np.empty(3), np.empty((0, 4, 21))
-    ok, stable = sweep(rod, tau, forces, weights, base_moment, True, positions, rotations, end, angle, moment, record)
-    sweeps = 1
-    if not ok or (cautious and not stable):
-        return False, np.inf, sweeps, False, 0.0
-    for j in range(3):
-        end[j] -= tip_moment[j]
-    residual = np.sqrt(end[0] ** 2 + end[1] ** 2 + end[2] ** 2)
-    while residual > tolerance:
-        if sweeps > NEWTON_LIMIT or invert3(moment, inverse) == 0.0:
-            return False, residual, sweeps, False, 0.0
-        size = 0.0
-        for i in range(3):
-            delta[i] = -(inverse[i, 0] * end[0] + inverse[i, 1] * end[1] + inverse[i, 2] * end[2])
-            trial[i] = base_moment[i] + delta[i]
-            size += delta[i] ** 2
-        if not size < LARGEST_MOMENT:
-            return False, residual, sweeps, False, 0.0
-        ok, stable = sweep(
-            rod, tau, forces, weights, trial, True, positions, rotations, trial_end, angle, moment, record
-        )
-        sweeps += 1
-        if not ok or (cautious and not stable):
-            return False, residual, sweeps, False, 0.0
-        natural = 0.0
-        for j in range(3):
-            trial_end[j] -= tip_moment[j]
-        for i in range(3):
-            step = inverse[i, 0] * trial_end[0] + inverse[i, 1] * trial_end[1] + inverse[i, 2] * trial_end[2]
-            natural += step**2
-        residual = np.sqrt(trial_end[0] ** 2 + trial_end[1] ** 2 + trial_end[2] ** 2)
-        if residual > tolerance and natural > limit**2 * size:
-            return False, residual, sweeps, False, 0.0
-        for j in range(3):
-            base_moment[j] = trial[j]
-            end[j] = trial_end[j]
-    return True, residual, sweeps, stable, invert3(moment, inverse)
-
-
-@njit(**OPTIONS)
-def follow_branch(
-    rod: RodArrays,
-    tau: FloatArray,
-    forces: FloatArray,
-    weights: FloatArray,
-    tip_moment: FloatArray,
-    base_moment: FloatArray,
-    tolerance: float,
-    first_step: float,
-    positions: FloatArray,
-    rotations: FloatArray,
-) -> tuple[int, float, int, float]:
-    """Follows the equilibrium from the unloaded shape to the full loads.
-
-    Returns:
-        Status code, residual in N m, sweeps made, fraction of the loads reached.
-    """
-    count = forces.shape[0]
-    scaled_forces, scaled_weights, scaled_tip = np.zeros_like(forces), np.zeros_like(weights), np.zeros(3)
-    end, angle, moment, record = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty((0, 4, 21))
-    tangent, last, guess = np.zeros(3), np.zeros(3), np.zeros(3)
-    ok, _ = sweep(
-        rod, tau, scaled_forces, scaled_weights, last, False, positions, rotations, end, angle, moment, record
-    )
-    sweeps = 1
-    if not ok:
-        return NOT_CONVERGED, np.inf, sweeps, 0.0
-    # At load fraction 0 the derivative of M(0) is the moment of the loads about the base in the unloaded shape:
-    # the integral of p' x N.
-    disk = 0
-    for j in range(3):
-        tangent[j] = tip_moment[j]
-    reach = 0.0
-    for c in range(count):
-        reach += rod.step_lengths[c]
-        end_disk = rod.step_disks[c]
-        if end_disk >= 0:
-            w = weights[rod.step_segments[c]]
-            fx, fy, fz = forces[c, 0], forces[c, 1], forces[c, 2]
-            mid = 0.5 * reach if c == 0 or rod.step_disks[c - 1] >= 0 else 0.5 * rod.step_lengths[c]
-            fx -= w[0] * mid
-            fy -= w[1] * mid
-            fz -= w[2] * mid
-            dx = positions[end_disk, 0] - positions[disk, 0]
-            dy = positions[end_disk, 1] - positions[disk, 1]
-            dz = positions[end_disk, 2] - positions[disk, 2]
-            tangent[0] += dy * fz - dz * fy
-            tangent[1] += dz * fx - dx * fz
-            tangent[2] += dx * fy - dy * fx
-            disk = end_disk
-            reach = 0.0
-    fraction, step = 0.0, first_step
-    residual, determinant = np.inf, 1.0
-    while True:
-        target = min(1.0, fraction + step)
-        for j in range(3):
-            guess[j] = last[j] + tangent[j] * (target - fraction)
-            scaled_tip[j] = target * tip_moment[j]
-        scaled_forces[:] = target * forces
-        scaled_weights[:] = target * weights
-        level = tolerance if target == 1.0 else 1e3 * tolerance
-        cautious = target - fraction > SHORT_LOAD_STEP
-        converged, residual, made, stable, found = newton(
-            rod, tau, scaled_forces, scaled_weights, scaled_tip, guess, level, cautious, positions, rotations
-        )
-        sweeps += made
-        if converged:
-            if target == 1.0:
-                for j in range(3):
-                    base_moment[j] = guess[j]
-                return (CONVERGED if stable else UNSTABLE), residual, sweeps, 1.0
-            for j in range(3):
-                tangent[j] = (guess[j] - last[j]) / (target - fraction)
-                last[j] = guess[j]
-            fraction, determinant = target, found
-            if made <= 4:
-                step *= 2.0
-        else:
-            step = 0.5 * min(step, 1.0 - fraction)
-            if step < SMALLEST_LOAD_STEP:
-                return (
-                    (LIMIT_POINT if abs(determinant) < LIMIT_DETERMINANT else NOT_CONVERGED),
-                    residual,
-                    sweeps,
-                    fraction,
-                )
-
-
-@njit(**OPTIONS)
-def solve_cases(
-    rod: RodArrays,
-    tensions: FloatArray,
-    gravity: FloatArray,
-    tip_force: FloatArray,
-    tip_moment: FloatArray,
-    distributed: FloatArray,
-    disk_forces: FloatArray,
-    guesses: FloatArray,
-    warm: bool,
-    tolerance: float,
-    first_step: float,
-    start: int,
-    stop: int,
-    positions: FloatArray,
-    rotations: FloatArray,
-    base_moments: FloatArray,
-    residuals: FloatArray,
-    codes: IntArray,
-    sweeps: IntArray,
-    fractions: FloatArray,
-) -> None:
-    """Solves the cases from start to stop, each by itself, and writes its results into the rows of the outputs."""
-    steps, segments = rod.step_lengths.shape[0], rod.stiffness.shape[0]
-    forces, weights = np.empty((steps, 3)), np.empty((segments, 3))
-    for case in range(start, stop):
-        tau = tensions[case]
-        scale = load_profile(
-            rod, gravity[case], tip_force[case], tip_moment[case], distributed[case],
-            disk_forces[case if disk_forces.shape[0] > 1 else 0], forces, weights,
-        )  # fmt: skip
-        stiffness = rod.stiffness[0, 3] / rod.length[0]
-        level = max(tolerance * scale, 1e-13 * stiffness)
-        moment = guesses[case]
-        done = False
-        total = 0
-        if warm and np.isfinite(moment[0] + moment[1] + moment[2]):
-            converged, residual, total, stable, _ = newton(
-                rod, tau, forces, weights, tip_moment[case], moment, level, True, positions[case], rotations[case]
-            )
-            if converged and stable:
-                done = True
-                base_moments[case] = moment
-                residuals[case] = residual
-                codes[case] = CONVERGED
-                fractions[case] = 1.0
-        if not done:
-            code, residual, made, fraction = follow_branch(
-                rod, tau, forces, weights, tip_moment[case], base_moments[case], level, first_step,
-                positions[case], rotations[case],
-            )  # fmt: skip
-            total += made
-            codes[case] = code
-            residuals[case] = residual
-            fractions[case] = fraction
-            if code in (LIMIT_POINT, NOT_CONVERGED):
-                positions[case] = np.nan
-                rotations[case] = np.nan
-                base_moments[case] = np.nan
-        sweeps[case] = total
-
-
-@njit(**OPTIONS)
-def load_profile(
-    rod: RodArrays,
-    gravity: FloatArray,
-    tip_force: FloatArray,
-    tip_moment: FloatArray,
-    distributed: FloatArray,
-    disk_forces: FloatArray,
-    forces: FloatArray,
-    weights: FloatArray,
-) -> float:
-    """Writes the force across the cut behind the start of each step and the dead load per length of each segment.
-
-    Returns:
-        The scale of the moment that the loads can exert: length times the largest cut force, plus the tip moment, N m.
-    """
-    total = np.zeros(3)
-    for k in range(weights.shape[0]):
-        for j in range(3):
-            weights[k, j] = rod.weight_per_length[k] * gravity[j] + distributed[j]
-    for j in range(3):
-        total[j] = tip_force[j]
-    largest = 0.0
-    for c in range(forces.shape[0] - 1, -1, -1):
-        disk = rod.step_disks[c]
-        size = 0.0
-        for j in range(3):
-            if disk >= 0:
-                total[j] += rod.disk_masses[disk] * gravity[j] + disk_forces[disk, j]
-            total[j] += rod.step_lengths[c] * weights[rod.step_segments[c], j]
-            forces[c, j] = total[j]
-            size += total[j] ** 2
-        largest = max(largest, size)
-    moment = np.sqrt(tip_moment[0] ** 2 + tip_moment[1] ** 2 + tip_moment[2] ** 2)
-    return np.sqrt(largest) * rod.length[0] + moment
-
-
-@njit(**OPTIONS)
-def record_cases(
-    rod: RodArrays,
-    tensions: FloatArray,
-    gravity: FloatArray,
-    tip_force: FloatArray,
-    tip_moment: FloatArray,
-    distributed: FloatArray,
-    disk_forces: FloatArray,
-    converged: BoolArray,
-    base_moments: FloatArray,
-    record: FloatArray,
-) -> None:
-    """Integrates solved cases again and keeps what happens at every Runge-Kutta stage, record (n, c, 4, 21)."""
-    steps, disks = rod.step_lengths.shape[0], rod.disk_masses.shape[0]
-    forces, weights = np.empty((steps, 3)), np.empty((rod.stiffness.shape[0], 3))
-    positions, rotations = np.empty((disks, 3)), np.empty((disks, 3, 3))
-    end, angle, moment = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-    for case in range(tensions.shape[0]):
-        if not converged[case]:
-            record[case] = np.nan
-            continue
-        point = disk_forces[case if disk_forces.shape[0] > 1 else 0]
-        load_profile(rod, gravity[case], tip_force[case], tip_moment[case], distributed[case], point, forces, weights)
-        sweep(
-            rod,
-            tensions[case],
-            forces,
-            weights,
-            base_moments[case],
-            False,
-            positions,
-            rotations,
-            end,
-            angle,
-            moment,
-            record[case],
-        )
-
-
-@njit(**OPTIONS)
 def variation_rate(
     rod: RodArrays,
     stage: FloatArray,
@@ -1058,6 +770,352 @@ def variations(
             at_disks[disk, :3] = y[:3]
             at_disks[disk, 3:] = y[6:]
     end[:] = y[3:6]
+
+
+@njit(**OPTIONS)
+def shoot_exactly(
+    rod: RodArrays,
+    tau: FloatArray,
+    forces: FloatArray,
+    weights: FloatArray,
+    base_moment: FloatArray,
+    positions: FloatArray,
+    rotations: FloatArray,
+    end: FloatArray,
+    moment: FloatArray,
+    record: FloatArray,
+    at_disks: FloatArray,
+) -> tuple[bool, bool]:
+    """Integrates the rod and its variations with M(0), the latter to the integrator's own order; see `sweep`.
+
+    Near a buckling load dM(l)/dM(0) is nearly singular, and the second-order variations of `sweep` do not suffice.
+
+    Args:
+        rod: RodArrays.
+        tau: As for `sweep`.
+        forces: As for `sweep`.
+        weights: As for `sweep`.
+        base_moment: As for `sweep`.
+        positions: As for `sweep`.
+        rotations: As for `sweep`.
+        end: M(l); written.
+        moment: dM(l)/dM(0), shape (3, 3); written.
+        record: Shape (c, 4, 21); written.
+        at_disks: Variations at the disks, shape (d, 6, 3); written.
+
+    Returns:
+        Whether every cross-section was solved, and whether the shape is stable.
+    """
+    ok, _ = sweep(rod, tau, forces, weights, base_moment, False, positions, rotations, end, moment, moment, record)
+    if not ok:
+        return False, False
+    variations(rod, tau, record, np.empty((0, forces.shape[0], 2)), at_disks, moment)
+    stable = positive_spectrum(moment, at_disks[-1, :3])
+    for disk in range(2, at_disks.shape[0]):
+        stable = stable and positive_spectrum(at_disks[disk, :3], at_disks[disk - 1, :3])
+    return True, stable
+
+
+@njit(**OPTIONS)
+def newton(
+    rod: RodArrays,
+    tau: FloatArray,
+    forces: FloatArray,
+    weights: FloatArray,
+    tip_moment: FloatArray,
+    base_moment: FloatArray,
+    tolerance: float,
+    cautious: bool,
+    long: bool,
+    positions: FloatArray,
+    rotations: FloatArray,
+) -> tuple[bool, float, int, bool, float]:
+    """Newton's method on M(0), given up as soon as it does not contract.
+
+    Contraction from the first step on keeps it on the branch of its starting point (Deuflhard 2011, ch. 5). A cautious
+    run asks for more of it and ends at a stable shape or not at all; after a long step every shape on the way has to be
+    stable too. What that refuses only shorter steps can decide.
+
+    Returns:
+        Whether it converged, residual in N m, sweeps made, whether the equilibrium is stable, determinant of
+        dM(l)/dM(0); `base_moment`, `positions` and `rotations` hold the result.
+    """
+    limit = CAUTIOUS_CONTRACTION if cautious else CONTRACTION
+    end, trial, delta = np.empty(3), base_moment.copy(), np.zeros(3)
+    angle, moment, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    record = np.empty((0 if long else forces.shape[0], 4, 21))
+    at_disks = np.empty((positions.shape[0], 6, 3))
+    sweeps, size, residual = 0, np.inf, np.inf
+    while True:
+        if long:
+            ok, stable = sweep(rod, tau, forces, weights, trial, True, positions, rotations, end, angle, moment, record)
+        else:
+            ok, stable = shoot_exactly(
+                rod, tau, forces, weights, trial, positions, rotations, end, moment, record, at_disks
+            )
+        sweeps += 1
+        if not ok or (long and not stable):
+            return False, residual, sweeps, False, 0.0
+        for j in range(3):
+            end[j] -= tip_moment[j]
+        residual = np.sqrt(end[0] ** 2 + end[1] ** 2 + end[2] ** 2)
+        if residual > tolerance and sweeps > 1:
+            natural = 0.0
+            for i in range(3):
+                natural += (inverse[i, 0] * end[0] + inverse[i, 1] * end[1] + inverse[i, 2] * end[2]) ** 2
+            if not natural <= limit**2 * size:
+                return False, residual, sweeps, False, 0.0
+        base_moment[:] = trial
+        determinant = invert3(moment, inverse)
+        if residual <= tolerance:
+            break
+        if sweeps > NEWTON_LIMIT or determinant == 0.0:
+            return False, residual, sweeps, False, 0.0
+        size = 0.0
+        for i in range(3):
+            delta[i] = inverse[i, 0] * end[0] + inverse[i, 1] * end[1] + inverse[i, 2] * end[2]
+            trial[i] = base_moment[i] - delta[i]
+            size += delta[i] ** 2
+        if not size < LARGEST_MOMENT:
+            return False, residual, sweeps, False, 0.0
+    if long and abs(determinant) < LIMIT_DETERMINANT:
+        record = np.empty((forces.shape[0], 4, 21))
+        ok, stable = shoot_exactly(
+            rod, tau, forces, weights, base_moment, positions, rotations, end, moment, record, at_disks
+        )
+        sweeps += 1
+        determinant = invert3(moment, inverse)
+    return stable or not cautious, residual, sweeps, stable, determinant
+
+
+@njit(**OPTIONS)
+def follow_branch(
+    rod: RodArrays,
+    tau: FloatArray,
+    forces: FloatArray,
+    weights: FloatArray,
+    tip_moment: FloatArray,
+    base_moment: FloatArray,
+    tolerance: float,
+    first_step: float,
+    positions: FloatArray,
+    rotations: FloatArray,
+) -> tuple[int, float, int, float]:
+    """Follows the equilibrium from the unloaded shape to the full loads.
+
+    Returns:
+        Status code, residual in N m, sweeps made, fraction of the loads reached.
+    """
+    count = forces.shape[0]
+    scaled_forces, scaled_weights, scaled_tip = np.zeros_like(forces), np.zeros_like(weights), np.zeros(3)
+    end, angle, moment, record = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty((0, 4, 21))
+    tangent, last, guess = np.zeros(3), np.zeros(3), np.zeros(3)
+    ok, _ = sweep(
+        rod, tau, scaled_forces, scaled_weights, last, False, positions, rotations, end, angle, moment, record
+    )
+    sweeps = 1
+    if not ok:
+        return NOT_CONVERGED, np.inf, sweeps, 0.0
+    # At load fraction 0 the derivative of M(0) is the moment of the loads about the base in the unloaded shape:
+    # the integral of p' x N.
+    disk = 0
+    for j in range(3):
+        tangent[j] = tip_moment[j]
+    reach = 0.0
+    for c in range(count):
+        reach += rod.step_lengths[c]
+        end_disk = rod.step_disks[c]
+        if end_disk >= 0:
+            w = weights[rod.step_segments[c]]
+            fx, fy, fz = forces[c, 0], forces[c, 1], forces[c, 2]
+            mid = 0.5 * reach if c == 0 or rod.step_disks[c - 1] >= 0 else 0.5 * rod.step_lengths[c]
+            fx -= w[0] * mid
+            fy -= w[1] * mid
+            fz -= w[2] * mid
+            dx = positions[end_disk, 0] - positions[disk, 0]
+            dy = positions[end_disk, 1] - positions[disk, 1]
+            dz = positions[end_disk, 2] - positions[disk, 2]
+            tangent[0] += dy * fz - dz * fy
+            tangent[1] += dz * fx - dx * fz
+            tangent[2] += dx * fy - dy * fx
+            disk = end_disk
+            reach = 0.0
+    fraction, step = 0.0, first_step
+    residual, determinant, on_stable = np.inf, 1.0, True
+    while True:
+        target = min(1.0, fraction + step)
+        for j in range(3):
+            guess[j] = last[j] + tangent[j] * (target - fraction)
+            scaled_tip[j] = target * tip_moment[j]
+        scaled_forces[:] = target * forces
+        scaled_weights[:] = target * weights
+        # A stable branch may turn unstable only within the smallest step: anything longer could have left it.
+        cautious = on_stable and step > 2.0 * SMALLEST_LOAD_STEP
+        long = on_stable and step > LONG_LOAD_STEP
+        converged, residual, made, stable, found = newton(
+            rod, tau, scaled_forces, scaled_weights, scaled_tip, guess, tolerance, cautious, long, positions, rotations
+        )
+        sweeps += made
+        if converged:
+            if target == 1.0:
+                for j in range(3):
+                    base_moment[j] = guess[j]
+                return (CONVERGED if stable else UNSTABLE), residual, sweeps, 1.0
+            for j in range(3):
+                tangent[j] = (guess[j] - last[j]) / (target - fraction)
+                last[j] = guess[j]
+            fraction, determinant, on_stable = target, found, stable
+            if made <= 4:
+                step *= 2.0
+        else:
+            step = 0.5 * min(step, 1.0 - fraction)
+            if step < SMALLEST_LOAD_STEP or sweeps > SWEEP_LIMIT:
+                return (
+                    (LIMIT_POINT if abs(determinant) < LIMIT_DETERMINANT else NOT_CONVERGED),
+                    residual,
+                    sweeps,
+                    fraction,
+                )
+
+
+@njit(**OPTIONS)
+def solve_cases(
+    rod: RodArrays,
+    tensions: FloatArray,
+    gravity: FloatArray,
+    tip_force: FloatArray,
+    tip_moment: FloatArray,
+    distributed: FloatArray,
+    disk_forces: FloatArray,
+    guesses: FloatArray,
+    warm: bool,
+    tolerance: float,
+    first_step: float,
+    start: int,
+    stop: int,
+    positions: FloatArray,
+    rotations: FloatArray,
+    base_moments: FloatArray,
+    residuals: FloatArray,
+    codes: IntArray,
+    sweeps: IntArray,
+    fractions: FloatArray,
+) -> None:
+    """Solves the cases from start to stop, each by itself, and writes its results into the rows of the outputs."""
+    steps, segments = rod.step_lengths.shape[0], rod.stiffness.shape[0]
+    forces, weights = np.empty((steps, 3)), np.empty((segments, 3))
+    for case in range(start, stop):
+        tau = tensions[case]
+        scale = load_profile(
+            rod, gravity[case], tip_force[case], tip_moment[case], distributed[case],
+            disk_forces[case if disk_forces.shape[0] > 1 else 0], forces, weights,
+        )  # fmt: skip
+        stiffness = rod.stiffness[0, 3] / rod.length[0]
+        level = max(tolerance * scale, 1e-13 * stiffness)
+        moment = guesses[case]
+        done = False
+        total = 0
+        if warm and np.isfinite(moment[0] + moment[1] + moment[2]):
+            converged, residual, total, stable, _ = newton(
+                rod, tau, forces, weights, tip_moment[case], moment, level, True, True, positions[case], rotations[case]
+            )
+            if converged and stable:
+                done = True
+                base_moments[case] = moment
+                residuals[case] = residual
+                codes[case] = CONVERGED
+                fractions[case] = 1.0
+        if not done:
+            code, residual, made, fraction = follow_branch(
+                rod, tau, forces, weights, tip_moment[case], base_moments[case], level, first_step,
+                positions[case], rotations[case],
+            )  # fmt: skip
+            total += made
+            codes[case] = code
+            residuals[case] = residual
+            fractions[case] = fraction
+            if code in (LIMIT_POINT, NOT_CONVERGED):
+                positions[case] = np.nan
+                rotations[case] = np.nan
+                base_moments[case] = np.nan
+        sweeps[case] = total
+
+
+@njit(**OPTIONS)
+def load_profile(
+    rod: RodArrays,
+    gravity: FloatArray,
+    tip_force: FloatArray,
+    tip_moment: FloatArray,
+    distributed: FloatArray,
+    disk_forces: FloatArray,
+    forces: FloatArray,
+    weights: FloatArray,
+) -> float:
+    """Writes the force across the cut behind the start of each step and the dead load per length of each segment.
+
+    Returns:
+        The scale of the moment that the loads can exert: length times the largest cut force, plus the tip moment, N m.
+    """
+    total = np.zeros(3)
+    for k in range(weights.shape[0]):
+        for j in range(3):
+            weights[k, j] = rod.weight_per_length[k] * gravity[j] + distributed[j]
+    for j in range(3):
+        total[j] = tip_force[j]
+    largest = 0.0
+    for c in range(forces.shape[0] - 1, -1, -1):
+        disk = rod.step_disks[c]
+        size = 0.0
+        for j in range(3):
+            if disk >= 0:
+                total[j] += rod.disk_masses[disk] * gravity[j] + disk_forces[disk, j]
+            total[j] += rod.step_lengths[c] * weights[rod.step_segments[c], j]
+            forces[c, j] = total[j]
+            size += total[j] ** 2
+        largest = max(largest, size)
+    moment = np.sqrt(tip_moment[0] ** 2 + tip_moment[1] ** 2 + tip_moment[2] ** 2)
+    return np.sqrt(largest) * rod.length[0] + moment
+
+
+@njit(**OPTIONS)
+def record_cases(
+    rod: RodArrays,
+    tensions: FloatArray,
+    gravity: FloatArray,
+    tip_force: FloatArray,
+    tip_moment: FloatArray,
+    distributed: FloatArray,
+    disk_forces: FloatArray,
+    converged: BoolArray,
+    base_moments: FloatArray,
+    record: FloatArray,
+) -> None:
+    """Integrates solved cases again and keeps what happens at every Runge-Kutta stage, record (n, c, 4, 21)."""
+    steps, disks = rod.step_lengths.shape[0], rod.disk_masses.shape[0]
+    forces, weights = np.empty((steps, 3)), np.empty((rod.stiffness.shape[0], 3))
+    positions, rotations = np.empty((disks, 3)), np.empty((disks, 3, 3))
+    end, angle, moment = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    for case in range(tensions.shape[0]):
+        if not converged[case]:
+            record[case] = np.nan
+            continue
+        point = disk_forces[case if disk_forces.shape[0] > 1 else 0]
+        load_profile(rod, gravity[case], tip_force[case], tip_moment[case], distributed[case], point, forces, weights)
+        sweep(
+            rod,
+            tensions[case],
+            forces,
+            weights,
+            base_moments[case],
+            False,
+            positions,
+            rotations,
+            end,
+            angle,
+            moment,
+            record[case],
+        )
 
 
 @njit(**OPTIONS)
