@@ -50,6 +50,8 @@ class BodyArrays(NamedTuple):
         half: Half length of a disk, or what is added to half the chord of the others, shape (m,), m, with the margin.
         round_ends: True for a capsule, false for a cylinder, shape (m,).
         part_first: First solid of each part, shape (q + 1,), the last entry m.
+        part_offset: Largest distance of a part's tendons from the backbone, shape (q,), m.
+        part_radius: Largest radius of a gap's solids, or for a disk the radius of the ball about it, shape (q,), m.
         part_arc: Arc length of each part's middle, shape (q,), m; below 0 for the shaft.
         shaft_start: Shape (3,), m, world frame.
     """
@@ -61,6 +63,8 @@ class BodyArrays(NamedTuple):
     half: FloatArray
     round_ends: IntArray
     part_first: IntArray
+    part_offset: FloatArray
+    part_radius: FloatArray
     part_arc: FloatArray
     shaft_start: FloatArray
 
@@ -131,6 +135,11 @@ class RobotBody:
             rows.append((Kind.SHAFT, 0, origin, check_positive("shaft.radius_m", self.shaft.radius_m) + margin, 0.0, 0))
         self.part_names = tuple(names)
         kind, station, offset, radius, half_length, ends = zip(*rows, strict=True)
+        reach = [
+            np.hypot(radius[i], half_length[i]) if kind[i] == Kind.DISK else max(radius[i:j])
+            for i, j in zip(first, [*first[1:], len(rows)], strict=True)
+        ]
+        across = np.maximum.reduceat(np.linalg.norm(np.array(offset, dtype=np.float64), axis=1), first)
         return BodyArrays(
             kind=np.array([int(k) for k in kind]),
             station=np.array(station),
@@ -139,6 +148,8 @@ class RobotBody:
             half=np.array(half_length, dtype=np.float64),
             round_ends=np.array(ends),
             part_first=np.array([*first, len(rows)]),
+            part_offset=across,
+            part_radius=np.array(reach, dtype=np.float64),
             part_arc=np.array(arcs, dtype=np.float64),
             shaft_start=shaft_start,
         )
@@ -256,3 +267,31 @@ def place_solids(body, positions, rotations):  # type: ignore[no-untyped-def]
         for r in range(3):
             frames[i, r, 0], frames[i, r, 1], frames[i, r, 2] = first[r], second[r], axis[r]
     return centres, frames, halves
+
+
+@njit(cache=True, nogil=True)
+def part_ball(body, part, positions, rotations, centre):  # type: ignore[no-untyped-def]
+    """Writes the middle of a part and returns the radius of a ball about it that holds the part, m; -1 for a shaft."""
+    first = body.part_first[part]
+    k = body.station[first]
+    kind = body.kind[first]
+    if kind == 0:
+        centre[0], centre[1], centre[2] = positions[k, 0], positions[k, 1], positions[k, 2]
+        return body.part_radius[part]
+    if kind == 4:
+        return -1.0
+    square, low, high = 0.0, 0.0, 0.0
+    for a in range(3):
+        edge = positions[k, a] - positions[k - 1, a]
+        centre[a] = 0.5 * (positions[k, a] + positions[k - 1, a])
+        square += edge * edge
+        low += edge * rotations[k - 1, a, 2]
+        high += edge * rotations[k, a, 2]
+    if kind == 3:
+        return math.sqrt((0.5 * math.sqrt(square) + body.half[first]) ** 2 + body.radius[first] ** 2)
+    # A hole at offset c of a disk that leans by an angle b from the chord lies within
+    # sqrt(chord^2 / 4 + c^2 + chord c sin b) of the chord's middle.
+    cosine = max(0.0, min(low, high))
+    lean = math.sqrt(max(0.0, square - cosine * cosine))
+    c = body.part_offset[part]
+    return math.sqrt(0.25 * square + c * c + lean * c) + body.part_radius[part]

@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numba import njit
 
-from tdcr_planner.collision.body import across, place_solid
+from tdcr_planner.collision.body import across, part_ball, place_solid
 from tdcr_planner.collision.containment import is_wrong, wrong_part
-from tdcr_planner.collision.distance import solid_distance
+from tdcr_planner.collision.distance import solid_distance, triangle_distance
+from tdcr_planner.collision.field import bounds_at
 from tdcr_planner.collision.tree import nearest_triangle
 
 # What a touch without a measurable depth counts as, m: below zero, and far below any tolerance of a robot.
@@ -18,10 +19,11 @@ RING = 16
 
 
 @njit(cache=True, nogil=True)
-def body_clearance(wall, side, body, positions, rotations, bound):  # type: ignore[no-untyped-def]
+def body_clearance(field, wall, side, body, positions, rotations, bound):  # type: ignore[no-untyped-def]
     """Returns the clearance of one state's body from one mesh where it is below `bound`, otherwise `bound`, m.
 
     Args:
+        field: The mesh's `Field`; a coarse one only makes the search longer.
         wall: Tree of the triangles that the body must not touch.
         side: `Side` of the mesh.
         body: `BodyArrays`, with the margins that are to count.
@@ -29,25 +31,57 @@ def body_clearance(wall, side, body, positions, rotations, bound):  # type: igno
         rotations: world_from_disk, shape (d, 3, 3).
         bound: What is known to be reached anyway, m.
     """
-    total = len(body.kind)
-    centre, axis = np.empty(3), np.empty(3)
-    best = bound
-    # Disks first: they are the widest solids, so the bound that they leave spares most of the others their search.
-    for disks in range(2):
-        for index in range(total):
-            if (body.kind[index] == 0) != (disks == 0) or best <= 0.0:
-                continue
-            half = place_solid(body, index, positions, rotations, centre, axis)
-            if half >= 0.0:
-                best = solid_distance(wall, body.round_ends[index], centre, axis, half, body.radius[index], best)
+    best = _free_distance(field, wall, body, positions, rotations, bound)
     if best > 0.0 and wrong_part(side, body, positions, rotations) < 0:
         return best
+    centre, axis = np.empty(3), np.empty(3)
     depth = GRAZE
-    for index in range(total):
+    for index in range(len(body.kind)):
         half = place_solid(body, index, positions, rotations, centre, axis)
         if half >= 0.0:
             depth = max(depth, _solid_depth(wall, side, body, index, centre, axis, half, depth))
     return min(bound, -depth)
+
+
+@njit(cache=True, nogil=True)
+def _free_distance(field, wall, body, positions, rotations, bound):  # type: ignore[no-untyped-def]
+    """Returns the distance of one state's body from the walls where below `bound`, otherwise `bound`; 0 if they meet.
+
+    A part is no nearer than the ball about it. Parts are taken in the order of that lower bound, first from the field,
+    then from the exact distance of the ball's middle, so few solids are measured themselves.
+    """
+    parts = len(body.part_first) - 1
+    centre, axis = np.empty(3), np.empty(3)
+    reach, least, most = np.empty(parts), np.empty(parts), np.empty(parts)
+    best = bound
+    for part in range(parts):
+        reach[part] = part_ball(body, part, positions, rotations, centre)
+        least[part], most[part] = -np.inf, np.inf
+        if reach[part] >= 0.0:
+            lower, upper, _ = bounds_at(field, centre[0], centre[1], centre[2], np.inf)
+            least[part], most[part] = lower - reach[part], upper
+            # The ball's middle belongs to the part, so the part is no farther than it.
+            best = min(best, upper)
+    for part in np.argsort(least):
+        if least[part] >= best:
+            break
+        first = body.part_first[part]
+        if reach[part] >= 0.0:
+            part_ball(body, part, positions, rotations, centre)
+            bound = min(most[part], best + reach[part]) * (1.0 + 1e-12)
+            square, found = nearest_triangle(wall, centre[0], centre[1], centre[2], bound)
+            if math.sqrt(square) - reach[part] >= best:
+                continue
+            if found >= 0:
+                # The triangle nearest to the middle is near the solid too: a good bound to start the search with.
+                half = place_solid(body, first, positions, rotations, centre, axis)
+                radius, round_ends = body.radius[first], body.round_ends[first]
+                best = min(best, triangle_distance(wall.corners[found], round_ends, centre, axis, half, radius))
+        for index in range(first, body.part_first[part + 1]):
+            half = place_solid(body, index, positions, rotations, centre, axis)
+            if half >= 0.0:
+                best = solid_distance(wall, body.round_ends[index], centre, axis, half, body.radius[index], best)
+    return best
 
 
 @njit(cache=True, nogil=True)
@@ -98,7 +132,7 @@ def _ball_depth(wall, side, x, y, z, radius):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def clearances(wall, side, body, positions, rotations, best):  # type: ignore[no-untyped-def]
+def clearances(field, wall, side, body, positions, rotations, best):  # type: ignore[no-untyped-def]
     """Lowers `best`, shape (n,), m, to the clearance of each state from one mesh; see `body_clearance`."""
     for row in range(len(positions)):
-        best[row] = body_clearance(wall, side, body, positions[row], rotations[row], best[row])
+        best[row] = body_clearance(field, wall, side, body, positions[row], rotations[row], best[row])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from tdcr_planner.collision.tree import STACK_SIZE, box_square_distance, triangle_square_distance
+from tdcr_planner.collision.tree import STACK_SIZE, triangle_square_distance
 
 # The derivative's root is bracketed to this share of an edge, far below what the squared distance can resolve.
 EDGE_TOLERANCE = 1e-13
@@ -197,25 +197,77 @@ def capsule_triangle_distance(triangle, centre, axis, half, radius):  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def _node_bound(tree, node, round_ends, centre, axis, half, radius, cover):  # type: ignore[no-untyped-def]
-    """Returns a lower bound on the distance of a solid from a node's triangles, m."""
-    x, y, z = tree.centre[node, 0], tree.centre[node, 1], tree.centre[node, 2]
+def triangle_distance(triangle, round_ends, centre, axis, half, radius):  # type: ignore[no-untyped-def]
+    """Returns the distance of a triangle from a capsule (`round_ends`) or a cylinder, m; 0 where they meet."""
     if round_ends:
-        ball = point_cylinder_distance(x, y, z, centre, axis, half, 0.0) - radius
-    else:
-        ball = point_cylinder_distance(x, y, z, centre, axis, half, radius)
-    box = math.sqrt(box_square_distance(centre[0], centre[1], centre[2], tree.lower[node], tree.upper[node]))
-    return max(ball - tree.radius[node], box - cover)
+        return capsule_triangle_distance(triangle, centre, axis, half, radius)
+    return cylinder_triangle_distance(triangle, centre, axis, half, radius)
+
+
+@njit(cache=True, nogil=True)
+def _triangle_bound(triangle, centre, axis, half, radius):  # type: ignore[no-untyped-def]
+    """Returns a cheap lower bound on the distance of a triangle from a cylinder, m.
+
+    The gaps between the two along the triangle's normal, along the axis, and from the axis towards the triangle.
+    """
+    nx, ny, nz, square = _normal(triangle)
+    gx, gy, gz = triangle[0, 0] - centre[0], triangle[0, 1] - centre[1], triangle[0, 2] - centre[2]
+    best = 0.0
+    if square > 0.0:
+        size = math.sqrt(square)
+        along = (axis[0] * nx + axis[1] * ny + axis[2] * nz) / size
+        reach = half * abs(along) + radius * math.sqrt(max(0.0, 1.0 - along * along))
+        best = abs(gx * nx + gy * ny + gz * nz) / size - reach
+    mx = (triangle[0, 0] + triangle[1, 0] + triangle[2, 0]) / 3.0 - centre[0]
+    my = (triangle[0, 1] + triangle[1, 1] + triangle[2, 1]) / 3.0 - centre[1]
+    mz = (triangle[0, 2] + triangle[1, 2] + triangle[2, 2]) / 3.0 - centre[2]
+    along = mx * axis[0] + my * axis[1] + mz * axis[2]
+    mx, my, mz = mx - along * axis[0], my - along * axis[1], mz - along * axis[2]
+    out = math.sqrt(mx * mx + my * my + mz * mz)
+    low, high, near = np.inf, -np.inf, np.inf
+    for k in range(3):
+        px, py, pz = triangle[k, 0] - centre[0], triangle[k, 1] - centre[1], triangle[k, 2] - centre[2]
+        z = px * axis[0] + py * axis[1] + pz * axis[2]
+        low, high = min(low, z), max(high, z)
+        if out > 0.0:
+            near = min(near, (px * mx + py * my + pz * mz) / out)
+    over = max(0.0, low - half, -high - half)
+    beside = max(0.0, near - radius) if out > 0.0 else 0.0
+    return max(best, math.sqrt(over * over + beside * beside))
+
+
+@njit(cache=True, nogil=True)
+def _node_bound(tree, node, centre, axis, half, radius):  # type: ignore[no-untyped-def]
+    """Returns a lower bound on the distance of a node's triangles from a cylinder, m.
+
+    The gaps along the axis and from the axis towards the node's box are at right angles, so both count.
+    """
+    mx = 0.5 * (tree.lower[node, 0] + tree.upper[node, 0]) - centre[0]
+    my = 0.5 * (tree.lower[node, 1] + tree.upper[node, 1]) - centre[1]
+    mz = 0.5 * (tree.lower[node, 2] + tree.upper[node, 2]) - centre[2]
+    ex = 0.5 * (tree.upper[node, 0] - tree.lower[node, 0])
+    ey = 0.5 * (tree.upper[node, 1] - tree.lower[node, 1])
+    ez = 0.5 * (tree.upper[node, 2] - tree.lower[node, 2])
+    along = mx * axis[0] + my * axis[1] + mz * axis[2]
+    over = abs(along) - (ex * abs(axis[0]) + ey * abs(axis[1]) + ez * abs(axis[2])) - half
+    mx, my, mz = mx - along * axis[0], my - along * axis[1], mz - along * axis[2]
+    out = math.sqrt(mx * mx + my * my + mz * mz)
+    beside = 0.0
+    if out > 0.0:
+        beside = out - (ex * abs(mx) + ey * abs(my) + ez * abs(mz)) / out - radius
+    over, beside = max(0.0, over), max(0.0, beside)
+    return math.sqrt(over * over + beside * beside)
 
 
 @njit(cache=True, nogil=True)
 def solid_distance(tree, round_ends, centre, axis, half, radius, bound):  # type: ignore[no-untyped-def]
     """Returns the distance of a solid from a mesh where below `bound`, otherwise `bound`, m; 0 where they meet."""
-    cover = half + radius if round_ends else math.sqrt(half * half + radius * radius)
+    # A capsule is judged as the cylinder around it until its triangles are measured.
+    tall = half + radius if round_ends else half
     best = bound
     stack = np.empty(STACK_SIZE, np.int64)
     least = np.empty(STACK_SIZE)
-    stack[0], least[0] = 0, _node_bound(tree, 0, round_ends, centre, axis, half, radius, cover)
+    stack[0], least[0] = 0, _node_bound(tree, 0, centre, axis, tall, radius)
     top = 1
     while top > 0 and best > 0.0:
         top -= 1
@@ -225,14 +277,12 @@ def solid_distance(tree, round_ends, centre, axis, half, radius, bound):  # type
         start = tree.first[node]
         if tree.size[node] > 0:
             for f in range(start, start + tree.size[node]):
-                if round_ends:
-                    value = capsule_triangle_distance(tree.corners[f], centre, axis, half, radius)
-                else:
-                    value = cylinder_triangle_distance(tree.corners[f], centre, axis, half, radius)
-                best = min(best, value)
+                if _triangle_bound(tree.corners[f], centre, axis, tall, radius) >= best:
+                    continue
+                best = min(best, triangle_distance(tree.corners[f], round_ends, centre, axis, half, radius))
             continue
-        left = _node_bound(tree, start, round_ends, centre, axis, half, radius, cover)
-        right = _node_bound(tree, start + 1, round_ends, centre, axis, half, radius, cover)
+        left = _node_bound(tree, start, centre, axis, tall, radius)
+        right = _node_bound(tree, start + 1, centre, axis, tall, radius)
         near, far = (start, start + 1) if left <= right else (start + 1, start)
         stack[top], least[top] = far, max(left, right)
         stack[top + 1], least[top + 1] = near, min(left, right)

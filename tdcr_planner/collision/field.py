@@ -56,13 +56,14 @@ class Field(NamedTuple):
     plane: FloatArray
 
 
-def build_field(mesh: SceneMesh, side: Side, cells: int = CELLS) -> Field:
+def build_field(mesh: SceneMesh, side: Side, cells: int = CELLS, *, keep: bool = True) -> Field:
     """Returns the field of a mesh, from the cache on disk where it is there and intact.
 
     Args:
         mesh: The mesh in its role.
         side: What decides its right side.
         cells: About how many nodes to use.
+        keep: Whether to read and write the cache on disk.
     """
     lower, upper = mesh.wall_vertices.min(axis=0), mesh.wall_vertices.max(axis=0)
     extent = upper - lower
@@ -71,7 +72,7 @@ def build_field(mesh: SceneMesh, side: Side, cells: int = CELLS) -> Field:
     spacing = float(np.cbrt(np.prod(padded) / cells))
     shape = np.ceil(extent / spacing).astype(np.int64) + 3
     origin = 0.5 * (lower + upper) - 0.5 * (shape - 1) * spacing
-    values = _load_or_fill(mesh, side, shape, origin, spacing)
+    values = (_load_or_fill if keep else _filled)(mesh, side, shape, origin, spacing)
     entry = mesh.entry
     plane = np.zeros(6) if entry is None else np.concatenate([entry.point, entry.normal])
     rules = np.array([mesh.bounded, mesh.role == "cavity", entry is not None], dtype=np.int64)
@@ -96,14 +97,19 @@ def _load_or_fill(
     stored = _read_stored(file, count)
     if stored is not None:
         return stored
-    values = np.empty(count, dtype=np.float32)
-    _fill(mesh.wall_tree, side, shape, origin, spacing, values)
+    values = _filled(mesh, side, shape, origin, spacing)
     payload = values.tobytes()
     try:
         with write_file_whole(file) as temporary:
             temporary.write_bytes(hashlib.sha256(payload).digest() + payload)
     except (FormatError, OSError) as error:
         logger.warning("the distance field of %s is not kept for later runs: %s", mesh.name, error)
+    return values
+
+
+def _filled(mesh: SceneMesh, side: Side, shape: IntArray, origin: FloatArray, spacing: float) -> NDArray[np.float32]:
+    values = np.empty(int(np.prod(shape)), dtype=np.float32)
+    _fill(mesh.wall_tree, side, shape, origin, spacing, values)
     return values
 
 
@@ -120,7 +126,8 @@ def _read_stored(file: Path, count: int) -> NDArray[np.float32] | None:
     if len(payload) != 4 * count or hashlib.sha256(payload).digest() != digest:
         logger.warning("%s is damaged, so the field is computed again", file)
         return None
-    return np.frombuffer(payload, dtype=np.float32)
+    # A copy can be written to, like a field just computed; compiled code would be compiled again for a read-only one.
+    return np.frombuffer(payload, dtype=np.float32).copy()
 
 
 @njit(cache=True, nogil=True)
@@ -180,6 +187,17 @@ def front(field, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _cell_bounds(field, x, y, z):  # type: ignore[no-untyped-def]
+    """Returns bounds on the distance of a point of the grid from the walls, from the nearest node alone, m."""
+    h = field.spacing
+    ux, uy, uz = (x - field.origin[0]) / h, (y - field.origin[1]) / h, (z - field.origin[2]) / h
+    ix, iy, iz = int(ux + 0.5), int(uy + 0.5), int(uz + 0.5)
+    distance = abs(field.values[(ix * field.shape[1] + iy) * field.shape[2] + iz])
+    r = h * math.sqrt((ux - ix) ** 2 + (uy - iy) ** 2 + (uz - iz) ** 2)
+    return max(0.0, distance * (1.0 - ROUNDING) - r), distance * (1.0 + ROUNDING) + r
+
+
+@njit(cache=True, nogil=True)
 def bounds_at(field, x, y, z, enough):  # type: ignore[no-untyped-def]
     """Returns a lower and an upper bound on a point's distance from the walls, and its side.
 
@@ -201,11 +219,15 @@ def bounds_at(field, x, y, z, enough):  # type: ignore[no-untyped-def]
     ux, uy, uz = (x - field.origin[0]) / h, (y - field.origin[1]) / h, (z - field.origin[2]) / h
     nx, ny, nz = field.shape[0], field.shape[1], field.shape[2]
     if not (0.0 <= ux < nx - 1 and 0.0 <= uy < ny - 1 and 0.0 <= uz < nz - 1):
-        dx = max(field.lower[0] - x, 0.0, x - field.upper[0])
-        dy = max(field.lower[1] - y, 0.0, y - field.upper[1])
-        dz = max(field.lower[2] - z, 0.0, z - field.upper[2])
+        # Every wall lies in the mesh's box, so with c the box's point nearest to p and w on a wall the angle p c w is
+        # not acute: |p - w|^2 >= |p - c|^2 + |c - w|^2.
+        cx = min(max(x, field.lower[0]), field.upper[0])
+        cy = min(max(y, field.lower[1]), field.upper[1])
+        cz = min(max(z, field.lower[2]), field.upper[2])
+        square = (x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2
+        low, high = _cell_bounds(field, cx, cy, cz)
         outside = -1 if (field.rules[1] == 1 and depth > 0.0) else 1
-        return math.sqrt(dx * dx + dy * dy + dz * dz) * (1.0 - ROUNDING), np.inf, outside
+        return math.sqrt(square + low * low) * (1.0 - ROUNDING), high + math.sqrt(square), outside
     ix, iy, iz = int(ux), int(uy), int(uz)
     fx, fy, fz = ux - ix, uy - iy, uz - iz
     sided = field.rules[0] == 1 and depth > 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -14,15 +15,21 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.collision.body import RobotBody, place_solids
 from tdcr_planner.collision.clearance import clearances
 from tdcr_planner.collision.containment import make_side, wrong_part
-from tdcr_planner.collision.field import CELLS, Field, build_field
+from tdcr_planner.collision.field import CELLS, build_field
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.narrow import BodyObjects, MeshObject
 from tdcr_planner.collision.self_contact import make_self_pairs, near_pairs
 from tdcr_planner.collision.settle import screen, settle_batch
 from tdcr_planner.errors import InputError
 
+logger = logging.getLogger(__name__)
+
 Codes = NDArray[np.int8]
 MAX_SELF_PAIRS = 4096
+# Without a settling field a small one still orders the search for clearances.
+COARSE_CELLS = 1000
+# A mesh this many times longer or shorter than the robot was most likely read in the wrong unit.
+ODD_SIZE = 100.0
 
 
 class Verdict(IntEnum):
@@ -78,6 +85,16 @@ def _mesh_verdict(mesh: SceneMesh) -> Verdict:
     return Verdict.CAVITY if mesh.role == "cavity" else Verdict.OBSTACLE
 
 
+def _hint_at_units(meshes: Sequence[SceneMesh], body: RobotBody) -> None:
+    for mesh in meshes:
+        ratio = float(np.ptp(mesh.bounds, axis=0).max()) / body.robot.length
+        if not 1.0 / ODD_SIZE <= ratio <= ODD_SIZE:
+            logger.warning(
+                "%s: its size is %.3g times the robot's length of %.3g m; is its unit the right one?",
+                mesh.name, ratio, body.robot.length,
+            )  # fmt: skip
+
+
 class CollisionScene:
     """The meshes of a scene and a robot's body among them.
 
@@ -108,9 +125,12 @@ class CollisionScene:
         self.meshes = tuple(meshes)
         self._mesh_objects = tuple(MeshObject(mesh) for mesh in self.meshes)
         self._sides = tuple(make_side(mesh) for mesh in self.meshes)
-        self._fields: tuple[Field, ...] | None = None
-        if field is not None:
-            self._fields = tuple(build_field(*pair, cells) for pair in zip(self.meshes, self._sides, strict=True))
+        self._settles = field is not None
+        self._fields = tuple(
+            build_field(mesh, side, cells if self._settles else COARSE_CELLS, keep=self._settles)
+            for mesh, side in zip(self.meshes, self._sides, strict=True)
+        )
+        _hint_at_units(self.meshes, body)
         self._set_body(body)
 
     def _set_body(self, body: RobotBody) -> None:
@@ -148,7 +168,7 @@ class CollisionScene:
         near_rows = screen(arrays, self._self_pairs, points, frames, UNDEFINED_CODE, codes, near)
         for index, mesh in enumerate(self.meshes):
             code = np.int8(_mesh_verdict(mesh))
-            if self._fields is None:
+            if not self._settles:
                 open_rows = codes == 0
                 undecided = np.ones((rows, len(arrays.kind)), dtype=np.bool_)
             else:
@@ -232,10 +252,10 @@ class CollisionScene:
         # A sum is finite only if every term is.
         finite = np.isfinite(points.sum(axis=(1, 2)) + frames.sum(axis=(1, 2, 3)))
         best = np.full(len(points), np.inf)
-        for mesh, side in zip(self.meshes, self._sides, strict=True):
-            best_finite = best[finite]
-            clearances(mesh.wall_tree, side, self._bare, points[finite], frames[finite], best_finite)
-            best[finite] = best_finite
+        points, frames, measured = points[finite], frames[finite], best[finite]
+        for index, mesh in enumerate(self.meshes):
+            clearances(self._fields[index], mesh.wall_tree, self._sides[index], self._bare, points, frames, measured)
+        best[finite] = measured
         best[~finite] = -np.inf
         return best
 

@@ -17,6 +17,7 @@ class SelfPairs(NamedTuple):
 
     Attributes:
         reach: Distance from disk k within which disk k and gap k lie, shape (d,), m; entry 0 is the shaft's radius.
+        reach_below: The largest of these over disks 1 to k, shape (d,), m.
         apart: Shape (d,); disk j with j <= apart[k] is far enough along the body from disk k to be asked about, -1
             for none.
         shaft: Shape (d,); 1 where disk k and gap k are asked about against the shaft.
@@ -25,6 +26,7 @@ class SelfPairs(NamedTuple):
     """
 
     reach: FloatArray
+    reach_below: FloatArray
     apart: IntArray
     shaft: IntArray
     spacing: float
@@ -62,6 +64,7 @@ def make_self_pairs(body: RobotBody) -> SelfPairs:
     reach = np.zeros(count)
     # Gap k ends at disk k; it stretches little, and a tenth covers the chord between holes on a bend's outer side.
     reach[1:] = np.maximum(radius[disk_part], radius[disk_part + 1] + 0.55 * spacing)
+    reach_below = np.concatenate([[0.0], np.maximum.accumulate(reach[1:])])
     apart = np.full(count, -1, dtype=np.int64)
     shaft = np.zeros(count, dtype=np.int64)
     for k in range(1, count):
@@ -73,7 +76,7 @@ def make_self_pairs(body: RobotBody) -> SelfPairs:
         if is_shaft.any():
             reach[0] = arrays.radius[-1]
             shaft[k] = int(allowed[own, -1].any())
-    return SelfPairs(reach, apart, shaft, float(spacing.max()), allowed)
+    return SelfPairs(reach, reach_below, apart, shaft, float(spacing.max()), allowed)
 
 
 @njit(cache=True, nogil=True)
@@ -90,7 +93,7 @@ def near_pairs(pairs, body, positions, found):  # type: ignore[no-untyped-def]
         found: Where to write, shape (any, 2); pairs beyond its length are counted only.
     """
     total = 0
-    spacing = 0.0
+    spacing = 1e-9
     count = len(positions)
     for k in range(1, count):
         spacing = max(spacing, _distance(positions[k], positions[k - 1]))
@@ -99,16 +102,12 @@ def near_pairs(pairs, body, positions, found):  # type: ignore[no-untyped-def]
     for k in range(1, count):
         j = pairs.apart[k]
         while j >= 1:
-            room = _distance(positions[k], positions[j]) - pairs.reach[k] - pairs.reach[j] - stretch
-            if room <= 0.0:
+            gap = _distance(positions[k], positions[j]) - pairs.reach[k] - stretch
+            if gap <= pairs.reach[j]:
                 if total < len(found):
                     found[total, 0], found[total, 1] = k, j
                 total += 1
-                j -= 1
-            else:
-                # Reaches differ between segments: step one disk at a time where the next one may reach farther.
-                step = int(room / spacing) if _same_reach(pairs.reach, j, int(room / spacing)) else 0
-                j -= max(1, step)
+            j -= max(1, int((gap - pairs.reach_below[j]) / spacing))
         near = pairs.reach[k] + pairs.reach[0] + stretch
         if pairs.shaft[k] and _shaft_distance(body.shaft_start, positions, k) <= near:
             if total < len(found):
@@ -120,12 +119,6 @@ def near_pairs(pairs, body, positions, found):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, inline="always")
 def _distance(p, q):  # type: ignore[no-untyped-def]
     return math.sqrt((p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2)
-
-
-@njit(cache=True, nogil=True)
-def _same_reach(reach, j, step):  # type: ignore[no-untyped-def]
-    """Returns whether none of the `step` disks below j reaches farther than disk j."""
-    return j <= 1 or step < 1 or reach[max(1, j - step) : j].max() <= reach[j]
 
 
 @njit(cache=True, nogil=True)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from tdcr_planner.collision.body import across, place_solid
+from tdcr_planner.collision.body import across, part_ball, place_solid
 from tdcr_planner.collision.containment import wrong_part
 from tdcr_planner.collision.distance import solid_distance
 from tdcr_planner.collision.field import bounds_at, front
@@ -178,38 +178,6 @@ def _settle_exactly(wall, round_ends, centre, axis, half, radius):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def _part_ball(body, part, positions, rotations, centre):  # type: ignore[no-untyped-def]
-    """Writes the middle of a part and returns the radius of a ball about it that holds the part, m; -1 for a shaft."""
-    first, last = body.part_first[part], body.part_first[part + 1]
-    k = body.station[first]
-    kind = body.kind[first]
-    if kind == 0:
-        for a in range(3):
-            centre[a] = positions[k, a]
-        return math.sqrt(body.radius[first] ** 2 + body.half[first] ** 2)
-    if kind == 4:
-        return -1.0
-    square, low, high = 0.0, 0.0, 0.0
-    for a in range(3):
-        edge = positions[k, a] - positions[k - 1, a]
-        centre[a] = 0.5 * (positions[k, a] + positions[k - 1, a])
-        square += edge * edge
-        low += edge * rotations[k - 1, a, 2]
-        high += edge * rotations[k, a, 2]
-    chord = math.sqrt(square)
-    if kind == 3:
-        return math.sqrt((0.5 * chord + body.half[first]) ** 2 + body.radius[first] ** 2)
-    # A hole at offset c of a disk that leans by an angle b from the chord lies within
-    # sqrt(chord^2 / 4 + c^2 + chord c sin b) of the chord's middle.
-    lean = math.sqrt(max(0.0, square - min(low, high) ** 2)) if min(low, high) > 0.0 else chord
-    reach = 0.0
-    for index in range(first, last):
-        c = math.sqrt(body.offset[index, 0] ** 2 + body.offset[index, 1] ** 2)
-        reach = max(reach, math.sqrt(0.25 * square + c * c + lean * c) + body.radius[index])
-    return reach
-
-
-@njit(cache=True, nogil=True)
 def _settle_state(field, wall, side, body, positions, rotations, undecided, parts_open):  # type: ignore[no-untyped-def]
     """Returns FREE, HIT or OPEN for one state and one mesh; marks the solids left to FCL in `undecided`, shape (m,)."""
     parts = len(body.part_first) - 1
@@ -217,7 +185,7 @@ def _settle_state(field, wall, side, body, positions, rotations, undecided, part
     left = 0
     # One ball a part first: it finds most of what is free, and the plain hits before any closer look is paid for.
     for part in range(parts):
-        reach = _part_ball(body, part, positions, rotations, centre)
+        reach = part_ball(body, part, positions, rotations, centre)
         result = OPEN
         if reach >= 0.0:
             first = body.part_first[part]

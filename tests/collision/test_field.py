@@ -63,8 +63,9 @@ def test_bounds_hold_the_exact_distance_and_side(scene_meshes, kind):
     for k, point in enumerate(points):
         lower, upper, side = bounds_at(field, *point, np.inf)
         assert lower <= distance[k] <= upper
-        # Both bounds are within a cell's diagonal of the truth inside the grid.
-        assert upper == np.inf or upper - lower <= 2.0 * np.sqrt(3.0) * field.spacing
+        if ((mesh.bounds[0] <= point) & (point <= mesh.bounds[1])).all():
+            # A corner is at most a cell's diagonal away, so neither bound misses the truth by more than twice that.
+            assert upper - lower <= 2.0 * np.sqrt(3.0) * field.spacing
         assert side in (0, 1 if right[k] else -1)
         told += side != 0
     assert told > 200

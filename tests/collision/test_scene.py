@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 import pytest
 
@@ -114,3 +116,12 @@ def test_verdict_and_clearance_agree_on_random_states(paper, pipe_mesh, draw_pos
     assert 10 < free.sum() < 140
     # Another algorithm (closed-form distances) than FCL's: a state within 1e-9 m of touching could differ, none is.
     np.testing.assert_array_equal(free, clearance > 0.0)
+
+
+def test_a_mesh_in_the_wrong_unit_is_hinted_at(paper, shapes, caplog):
+    for size, hint in ((0.2, False), (50.0, True), (0.0005, True)):
+        mesh = SceneMesh.from_arrays("part.stl", *shapes.box((size, size, size)), "obstacle")
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            CollisionScene([mesh], RobotBody(paper), field=None)
+        assert ("part.stl: its size is" in caplog.text) == hint
