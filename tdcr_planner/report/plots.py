@@ -28,9 +28,7 @@ PALETTE = {
 INK = "#1F2933"
 MUTED = "#6B7785"
 GRID = "#E4E8ED"
-WALL = "#8FA9C4"
-OBSTACLE = "#B39D84"
-ROBOT = "#1B6CA8"
+ROBOT = "#2176B5"
 LEARNED = "#CC79A7"
 TRACE = "#D55E00"
 START = "#6B7785"
@@ -166,7 +164,7 @@ def draw_tensions(axes: Axes, times: FloatArray, tensions: FloatArray, segments:
             tensions[:, index],
             color=tendon_colour(index),
             linestyle=tendon_dash(segment),
-            label=f"tendon {index + 1}",
+            label=f"{index + 1}",
         )
     top = float(tensions.max()) if tensions.size else limit
     if top > 0.6 * limit:

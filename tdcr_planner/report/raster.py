@@ -154,7 +154,7 @@ def shade(
     ambient: float = 0.40,
     depth_range: tuple[float, float] | None = None,
 ) -> Image:
-    """Returns the lit colour of a layer, shape (h, w, 3) in 0 to 1.
+    """Returns the lit colour of a layer, shape (h, w, 3) in 0 to 1; black where nothing is seen.
 
     Args:
         layer: What is seen.
@@ -163,24 +163,27 @@ def shade(
         ambient: Light that reaches every side, 0 to 0.9.
         depth_range: Nearness (far, near) over which colours fade towards white with distance, m; None for no fading.
     """
-    normals = layer.normals
-    base = np.broadcast_to(colours, normals.shape) if colours.ndim == 1 else colours[layer.face]
+    seen = layer.seen
+    normals = layer.normals[seen]
+    base = colours.astype(np.float32) if colours.ndim == 1 else colours[layer.face[seen]]
     key = np.array([-0.45, 0.65, 0.62], dtype=np.float32)
     key /= np.linalg.norm(key)
     half = key + np.array([0.0, 0.0, 1.0], dtype=np.float32)
     half /= np.linalg.norm(half)
     diffuse = np.clip(normals @ key, 0.0, 1.0)
-    sky = 0.5 + 0.5 * normals[..., 1]
+    sky = 0.5 + 0.5 * normals[:, 1]
     light = ambient + 0.17 * sky + (0.90 - ambient) * diffuse
     highlight = np.clip(normals @ half, 0.0, 1.0)
     for _ in range(5):  # to the 32nd power
         highlight *= highlight
-    lit = base * light[..., None] + (gloss * highlight)[..., None]
+    lit = base * light[:, None] + (gloss * highlight)[:, None]
     if depth_range is not None:
         far, near = depth_range
-        distance = np.clip((near - layer.nearness) / max(near - far, 1e-9), 0.0, 1.0)
-        lit += (1.0 - lit) * (0.35 * np.where(layer.seen, distance, 0.0))[..., None]
-    return np.clip(lit, 0.0, 1.0).astype(np.float32)
+        distance = np.clip((near - layer.nearness[seen]) / max(near - far, 1e-9), 0.0, 1.0)
+        lit += (1.0 - lit) * (0.35 * distance)[:, None]
+    image = np.zeros(layer.normals.shape, dtype=np.float32)
+    image[seen] = np.clip(lit, 0.0, 1.0)
+    return image
 
 
 def outline(layer: Layer, step: float) -> BoolArray:

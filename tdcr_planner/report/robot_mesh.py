@@ -145,10 +145,18 @@ def simplify_mesh(vertices: FloatArray, faces: IntArray, max_faces: int) -> Mesh
         _, owner = np.unique(flat, return_inverse=True)
         merged = owner[faces]
         distinct = (merged[:, 0] != merged[:, 1]) & (merged[:, 1] != merged[:, 2]) & (merged[:, 2] != merged[:, 0])
-        _, kept = np.unique(np.sort(merged[distinct], axis=1), axis=0, return_index=True)
+        kept = _first_of_each(np.sort(merged[distinct], axis=1))
         if len(kept) <= max_faces:
             break
         cell *= 1.2
     count = np.bincount(owner)
     centres = np.stack([np.bincount(owner, weights=vertices[:, axis]) / count for axis in range(3)], axis=1)
-    return centres, merged[distinct][np.sort(kept)]
+    return centres, merged[distinct][kept]
+
+
+def _first_of_each(rows: IntArray) -> IntArray:
+    """Index of the first of each set of equal rows, in the rows' order."""
+    order = np.lexsort(rows.T)
+    differs = np.ones(len(rows), dtype=np.bool_)
+    differs[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    return np.sort(order[differs])

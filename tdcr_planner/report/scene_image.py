@@ -49,7 +49,7 @@ def render_scene(picture: Picture, camera: Camera, states: IntArray, fades: Floa
     if trace is not None:
         colour = np.array(to_rgb(plots.TRACE), dtype=np.float32)
         canvas.paint_body(trace, np.tile(colour, (len(trace[1]), 1)), 0.9, np.inf)
-    return raster.shrink(canvas.image, _SUPERSAMPLING)
+    return _fade_border(raster.shrink(canvas.image, _SUPERSAMPLING))
 
 
 def spread_states(picture: Picture, most: int = SHOWN_STATES) -> tuple[IntArray, FloatArray]:
@@ -65,6 +65,14 @@ def spread_states(picture: Picture, most: int = SHOWN_STATES) -> tuple[IntArray,
     fades = np.linspace(0.25, 0.5, len(places))
     fades[-1] = 1.0
     return known[places], fades
+
+
+def _fade_border(image: Image, width: int = 28) -> Image:
+    """Lets an image fade to white at its border, so that a scene that goes on beyond it is not cut off hard."""
+    rows, columns = (np.arange(size) for size in image.shape[:2])
+    fades = [np.clip((np.minimum(place, place[::-1]) + 1.0) / width, 0.0, 1.0) for place in (rows, columns)]
+    fade = np.minimum.outer(*fades).astype(np.float32)[..., None]
+    return np.asarray(1.0 - fade * (1.0 - image))
 
 
 class _Canvas:
@@ -130,7 +138,7 @@ class _Canvas:
         """
         layer = raster.render_layer(self.camera, *mesh)
         colour = raster.shade(layer, colours)
-        colour[raster.outline(layer, 0.25 * step)] *= 0.55
+        colour[raster.outline(layer, 0.25 * step)] *= 0.6
         glass = self._glass[layer.rows, layer.columns]
         hidden = np.where(self._glass_nearness[layer.rows, layer.columns] > layer.nearness, glass, 0.0)
         cover = np.where(layer.seen, fade * (1.0 - 0.75 * hidden), 0.0).astype(np.float32)

@@ -55,8 +55,11 @@ def draw_scene(figure: Figure, picture: Picture, box: tuple[int, int, int, int])
     axes = figure.add_axes((left / size[0], bottom / size[1], width / size[0], height / size[1]))
     camera = choose_camera(picture, width, height)
     image = render_scene(picture, camera, *spread_states(picture))
-    axes.imshow(raster.to_bytes(image), extent=(0.0, width, height, 0.0), interpolation="none", aspect="auto")
+    figure.figimage(raster.to_bytes(image), left, bottom)
+    axes.set_xlim(0.0, width)
+    axes.set_ylim(height, 0.0)
     axes.set_axis_off()
+    axes.set_zorder(1.0)  # above the image, which the figure holds itself
     _draw_markers(axes, picture, camera)
     _draw_scale_bar(axes, camera)
     return axes

@@ -7,17 +7,22 @@ from scipy.spatial import ConvexHull, QhullError
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.report.picture import Picture
-from tdcr_planner.report.raster import Camera
+from tdcr_planner.report.raster import Camera, render_layer
+from tdcr_planner.report.robot_mesh import Mesh, merge_meshes, simplify_mesh
 
-_ELEVATIONS_DEG = (8.0, 16.0, 24.0)
+_ELEVATIONS_DEG = (8.0, 18.0, 30.0, 45.0, 62.0)
 _AZIMUTHS = 24
+# So many of the best views are compared by how much of the robot obstacles hide.
+_LOOKED_THROUGH = 24
+# A scene of up to this many times the robot's reach is shown whole.
+_WHOLE_SCENE = 1.6
 
 
 def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.07) -> Camera:
-    """Returns the camera under which the robot's states and goals fill the largest part of the picture.
+    """Returns the camera under which the robot's states and goals fill much of the picture and are seen from the side.
 
-    Up is against gravity (world z without gravity). Directions a little above the horizon are compared, each fitted to
-    the robot and to that part of the scene that surrounds it.
+    Up is against gravity (world z without gravity). Directions above the horizon are compared, each fitted to the robot
+    and to the scene about it; lower ones, and those in which obstacles hide little of the robot, are preferred.
 
     Args:
         picture: What is shown.
@@ -28,16 +33,38 @@ def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.0
     body = body_points(picture)
     fitted = _points_to_fit(picture, body)
     few = fitted[:: max(1, len(fitted) // 2000)]
+    tangents = picture.rotations[picture.known][..., 2].reshape(-1, 3)
     up = up_direction(picture)
-    best, best_score = look_from(0.0, 20.0, up), -1.0
+    candidates = []
     for elevation in _ELEVATIONS_DEG:
         for step in range(_AZIMUTHS):
-            rotation = look_from(360.0 * step / _AZIMUTHS, elevation, up)
-            scale = _fit(rotation, few, width, height, margin).scale
-            score = scale**2 * _hull_area((body @ rotation.T)[:, :2])
-            if score > 1.0001 * best_score:
-                best, best_score = rotation, score
+            camera = _fit(look_from(360.0 * step / _AZIMUTHS, elevation, up), few, width, height, margin)
+            side_on = 1.0 - float(np.mean((tangents @ camera.rotation[2]) ** 2)) if len(tangents) else 1.0
+            level = 1.0 - 0.3 * np.sin(np.deg2rad(elevation))
+            area = _hull_area((body @ camera.rotation.T)[:, :2]) + 0.3 * _hull_area((few @ camera.rotation.T)[:, :2])
+            candidates.append((level * side_on * camera.scale**2 * area, camera.rotation))
+    candidates.sort(key=lambda candidate: -candidate[0])
+    obstacles = merge_meshes([(mesh.vertices, mesh.faces) for mesh in picture.meshes if mesh.role == "obstacle"])
+    obstacles = simplify_mesh(*obstacles, 8000)
+    best, best_score = candidates[0][1], -1.0
+    for score, rotation in candidates[:_LOOKED_THROUGH]:
+        open_score = score * (1.0 - 0.8 * _hidden_share(_fit(rotation, few, 160, 120, margin), body, obstacles))
+        if open_score > best_score:
+            best, best_score = rotation, open_score
     return _fit(best, fitted, width, height, margin)
+
+
+def _hidden_share(camera: Camera, points: FloatArray, obstacles: Mesh) -> float:
+    """Returns which share of some points, shape (m, 3), m, obstacles hide from a camera."""
+    if not len(obstacles[1]):
+        return 0.0
+    layer = render_layer(camera, *obstacles)
+    place = camera.project(points)
+    column = np.floor(place[:, 0]).astype(int) - layer.columns.start
+    row = np.floor(place[:, 1]).astype(int) - layer.rows.start
+    inside = (column >= 0) & (column < layer.face.shape[1]) & (row >= 0) & (row < layer.face.shape[0])
+    hidden = layer.nearness[row[inside], column[inside]] > place[inside, 2]
+    return float(hidden.sum()) / len(points)
 
 
 def up_direction(picture: Picture) -> FloatArray:
@@ -76,14 +103,13 @@ def _hull_area(points: FloatArray) -> float:
 
 
 def _points_to_fit(picture: Picture, body: FloatArray) -> FloatArray:
-    """The robot with room about it, and the scene as far as it is near."""
+    """The robot, and the scene as far as it is near; all of it where it is not much larger than the robot's reach."""
     low, high = body.min(axis=0), body.max(axis=0)
-    reach = 0.45 * max(float((high - low).max()), picture.robot.length)
-    parts = [body]
-    for mesh in picture.meshes:
-        near = ((mesh.vertices > low - reach) & (mesh.vertices < high + reach)).all(axis=1)
-        parts.append(mesh.vertices[near])
-    return np.concatenate(parts)
+    reach = max(float((high - low).max()), picture.robot.length)
+    vertices = np.concatenate([body, *(mesh.vertices for mesh in picture.meshes)])
+    if np.ptp(vertices, axis=0).max() < _WHOLE_SCENE * reach:
+        return vertices
+    return vertices[((vertices > low - 0.45 * reach) & (vertices < high + 0.45 * reach)).all(axis=1)]
 
 
 def _fit(rotation: FloatArray, points: FloatArray, width: int, height: int, margin: float) -> Camera:
