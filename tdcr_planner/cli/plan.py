@@ -70,7 +70,7 @@ def describe(result: PlanResult) -> str:
             f"in {result.path.times[-1]:.1f} s, {result.repairs} repairs",
             f"reference: least clearance {1e3 * worst['clearance_m']:.2f} mm "
             f"(asked {1e3 * result.scenario.planner.clearance_m:.2f}), "
-            f"largest model deviation {1e3 * worst['deviation_m']:.2f} mm, "
+            f"largest model deviation {1e3 * worst['deviation_m']:.2g} mm, "
             f"largest residual {worst['residual_nm']:.1e} N m",
         ]
     times = result.timings_s
