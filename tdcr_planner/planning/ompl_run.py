@@ -49,7 +49,7 @@ REFUSED: dict[str, str] = {
 _SINGLE_SHOT = frozenset({"FMT", "BFMT"})
 _NOT_PARAMETERS = {"setName"}
 _PROGRESS_PERIOD_S = 0.1
-_DEFAULT_RANGE = 0.5  # longest edge of a tree, in robot lengths of body motion
+_DEFAULT_RANGE = 0.1  # longest edge of a tree, in robot lengths of body motion
 
 
 def planner_parameters(name: str) -> dict[str, type]:
