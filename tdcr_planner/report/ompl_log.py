@@ -71,7 +71,7 @@ def write_ompl_logs(suite: Suite, rows: Sequence[dict[str, Any]], folder: Path) 
     for entry in suite.file.scenarios:
         own = [row for row in rows if row["scenario"] == entry.file]
         if own:
-            file = folder / f"{_slug(entry.file)}.log"
+            file = folder / f"ompl_{_slug(entry.file)}.log"
             file.write_text(_format_log(suite, entry.file, entry.difficulty, own), encoding="utf-8")
             files.append(file)
     return files
@@ -121,14 +121,14 @@ def _format_run(row: dict[str, Any]) -> str:
         row["status"] == "unverified",
         row["status"] == "verified",
         row["tip_travel_m"],
-        row["clearance_m"],
-        row["deviation_m"],
+        row["last_clearance_m"],
+        row["last_deviation_m"],
         row["vertices"],
         row["iterations"],
         row["states_checked"],
         row["edges_checked"],
         row["verify_s"],
-        row["repairs"],
+        row["repairs_tried"],
         row["seed"],
     )
     return "".join(f"{_format_value(value)}; " for value in values)

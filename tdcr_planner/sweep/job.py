@@ -75,28 +75,36 @@ def record_of(result: PlanResult) -> dict[str, Any]:
     """Returns what a sweep keeps of a result.
 
     Returns:
-        status; result: what the seed decides, as long as the time suffices; timing: what differs from run to run.
+        status; result: what the seed decides, for a verified path that the time sufficed for; timing: what the clock
+        decides too. When a query is ended by its time limit, the clock decides how far it had come by then.
     """
+    from tdcr_planner.session import PlanStatus
+
     path, report = result.path, result.verification
     worst = {} if report is None else report.worst
-    return {
-        "status": result.status.value,
-        "result": {
+    travelled = {}
+    if result.status is PlanStatus.VERIFIED and path is not None:
+        travelled = {
             "repairs": result.repairs,
-            "states": None if path is None else len(path),
-            "tip_travel_m": None if path is None else path.tip_travel,
-            "duration_s": None if path is None else float(path.times[-1]),
+            "states": len(path),
+            "tip_travel_m": path.tip_travel,
+            "duration_s": float(path.times[-1]),
             "clearance_m": _finite(worst.get("clearance_m")),
             "deviation_m": _finite(worst.get("deviation_m")),
             "residual_nm": _finite(worst.get("residual_nm")),
-            "path_sha256": None if path is None else _digest(path.bending, path.insertion, path.roll),
-        },
+            "path_sha256": _digest(path.bending, path.insertion, path.roll),
+        }
+    counts = ("iterations", "vertices", "states_checked", "edges_checked")
+    return {
+        "status": result.status.value,
+        "result": travelled,
         "timing": {
             **{f"{name}_s": float(value) for name, value in result.timings_s.items() if name != "load"},
-            **{
-                name: result.planner.get(name) for name in ("iterations", "vertices", "states_checked", "edges_checked")
-            },
+            **{name: result.planner.get(name) for name in counts},
             "rejected": dict(result.planner.get("rejected", {})),
+            "repairs_tried": result.repairs,
+            "last_clearance_m": _finite(worst.get("clearance_m")),
+            "last_deviation_m": _finite(worst.get("deviation_m")),
             "message": result.message,
             "worker": f"{platform.node()}:{os.getpid()}",
         },

@@ -12,10 +12,10 @@ from tdcr_planner.sweep.runner import SweepOutcome
 from tdcr_planner.sweep.suite import SweepJob
 
 KEYS = ("job", "scenario", "difficulty", "planner", "model", "seed")
-# What the seed decides, as long as the time limit suffices.
+# What the seed decides. A query that ends at its time limit is "not_verified" here, whatever it had reached by then.
 RESULT_COLUMNS = (
     *KEYS,
-    "status",
+    "outcome",
     "repairs",
     "states",
     "tip_travel_m",
@@ -28,6 +28,7 @@ RESULT_COLUMNS = (
 # What differs from run to run and from machine to machine.
 TIMING_COLUMNS = (
     *KEYS,
+    "status",
     "plan_s",
     "verify_s",
     "total_s",
@@ -36,10 +37,15 @@ TIMING_COLUMNS = (
     "states_checked",
     "edges_checked",
     "rejected",
+    "repairs_tried",
+    "last_clearance_m",
+    "last_deviation_m",
     "message",
     "worker",
 )
 FOUND = ("verified", "unverified")
+TIMED_OUT = ("unverified", "no_path")
+NOT_VERIFIED = "not_verified"
 GROUPINGS = (("scenario", "planner", "model"), ("difficulty", "planner", "model"), ("planner", "model"))
 
 Row = dict[str, Any]
@@ -49,7 +55,8 @@ def result_rows(outcome: SweepOutcome) -> list[Row]:
     """Returns a row a finished job with RESULT_COLUMNS: the same whichever workers ran it."""
     rows = []
     for job, record in _finished(outcome):
-        row = {**_keys(job), "status": record["status"], **record["result"]}
+        outcome_name = NOT_VERIFIED if record["status"] in TIMED_OUT else record["status"]
+        row = {**_keys(job), "outcome": outcome_name, **record["result"]}
         rows.append({column: row.get(column) for column in RESULT_COLUMNS})
     return rows
 
@@ -58,7 +65,7 @@ def timing_rows(outcome: SweepOutcome) -> list[Row]:
     """Returns a row a finished job with TIMING_COLUMNS."""
     rows = []
     for job, record in _finished(outcome):
-        row = {**_keys(job), **record["timing"]}
+        row = {**_keys(job), "status": record["status"], **record["timing"]}
         row["rejected"] = json.dumps(row.get("rejected", {}), sort_keys=True)
         rows.append({column: row.get(column) for column in TIMING_COLUMNS})
     return rows
@@ -96,7 +103,7 @@ def _summarise(keys: Row, members: list[Row]) -> Row:
         "failed": statuses.count(FAILED),
         "found": binomial_rate(sum(status in FOUND for status in statuses), len(members)).as_dict(),
         "verified": binomial_rate(len(verified), len(members)).as_dict(),
-        "repairs": sum(row["repairs"] or 0 for row in members),
+        "repairs": sum(row["repairs_tried"] or 0 for row in members),
         "quantiles": {
             column: quantiles([row[column] for row in verified if row[column] is not None])
             for column in ("plan_s", "total_s", "tip_travel_m", "duration_s", "clearance_m", "deviation_m")
