@@ -22,6 +22,7 @@ class SelfPairs(NamedTuple):
             for none.
         shaft: Shape (d,); 1 where disk k and gap k are asked about against the shaft.
         spacing: Largest distance between neighbouring disks, m.
+        radius: Radius of a ball about each part of the unloaded robot, shape (q,), m.
         allowed: Shape (q, q); true for pairs of parts that are asked about.
     """
 
@@ -30,6 +31,7 @@ class SelfPairs(NamedTuple):
     apart: IntArray
     shaft: IntArray
     spacing: float
+    radius: FloatArray
     allowed: BoolArray
 
 
@@ -76,7 +78,7 @@ def make_self_pairs(body: RobotBody) -> SelfPairs:
         if is_shaft.any():
             reach[0] = arrays.radius[-1]
             shaft[k] = int(allowed[own, -1].any())
-    return SelfPairs(reach, reach_below, apart, shaft, float(spacing.max()), allowed)
+    return SelfPairs(reach, reach_below, apart, shaft, float(spacing.max()), radius, allowed)
 
 
 @njit(cache=True, nogil=True)
@@ -103,7 +105,7 @@ def near_pairs(pairs, body, positions, found):  # type: ignore[no-untyped-def]
         j = pairs.apart[k]
         while j >= 1:
             gap = _distance(positions[k], positions[j]) - pairs.reach[k] - stretch
-            if gap <= pairs.reach[j]:
+            if gap <= pairs.reach[j] and _parts_near(pairs, positions, k, j, stretch):
                 if total < len(found):
                     found[total, 0], found[total, 1] = k, j
                 total += 1
@@ -114,6 +116,27 @@ def near_pairs(pairs, body, positions, found):  # type: ignore[no-untyped-def]
                 found[total, 0], found[total, 1] = k, 0
             total += 1
     return total
+
+
+@njit(cache=True, nogil=True)
+def _parts_near(pairs, positions, k, j, stretch):  # type: ignore[no-untyped-def]
+    """Returns whether the balls about two parts that are asked about, one of disk k and one of disk j, overlap."""
+    last = len(positions) - 1
+    for i in range(2):
+        for h in range(2):
+            one, other = 2 * (last - k) + i, 2 * (last - j) + h
+            if not pairs.allowed[one, other]:
+                continue
+            square = 0.0
+            for a in range(3):
+                # Part 0 of a disk is the disk itself, part 1 the gap before it.
+                p = positions[k, a] if i == 0 else 0.5 * (positions[k, a] + positions[k - 1, a])
+                q = positions[j, a] if h == 0 else 0.5 * (positions[j, a] + positions[j - 1, a])
+                square += (p - q) ** 2
+            # A tenth more, since a gap's tendons stand out farther on the outer side of a bend.
+            if math.sqrt(square) <= 1.1 * (pairs.radius[one] + pairs.radius[other]) + stretch:
+                return True
+    return False
 
 
 @njit(cache=True, nogil=True, inline="always")
