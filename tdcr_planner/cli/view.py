@@ -10,36 +10,49 @@ from pathlib import Path
 import tyro
 
 
-def view(file: tyro.conf.Positional[Path], *, out: Path | None = None, open_browser: bool = True) -> int:
+def view(
+    file: tyro.conf.Positional[Path],
+    *,
+    out: Path | None = None,
+    export: tuple[Path, ...] = (),
+    open_browser: bool = True,
+) -> int:
     """Write the HTML of a result or a scenario and open it in a browser.
 
-    Example: tdcr view out/elbow/result.json
+    Example: tdcr view out/elbow/result.json --export elbow.gif elbow.glb
 
     Exit code 1 when the page was written and no browser could be opened.
 
     Args:
         file: The result.json of `tdcr plan` (or its folder), or a scenario (.toml).
         out: Where to write the page; path.html beside the result or, for a scenario NAME.toml, NAME.html here.
+        export: Files to write besides: .png, .gif, .mp4, .glb, and of a result .json (trajectory) or .npz (all shapes).
         open_browser: Open the page when it is written.
     """
     from tdcr_planner.errors import FormatError
     from tdcr_planner.files import write_file_whole
     from tdcr_planner.planning.scenario import load_scenario
+    from tdcr_planner.report.export import export_picture
     from tdcr_planner.report.picture import gather_picture, gather_scenario_picture
     from tdcr_planner.report.results import read_result
     from tdcr_planner.report.scene_html import write_html
 
+    result = None
     if file.suffix == ".toml":
         picture = gather_scenario_picture(load_scenario(file))
         page = out or Path(f"{file.stem}.html")
     elif file.suffix == ".json" or file.is_dir():
-        picture = gather_picture(read_result(file))
+        result = read_result(file)
+        picture = gather_picture(result)
         page = out or (file if file.is_dir() else file.parent) / "path.html"
     else:
         raise FormatError(file, f"expected a result (.json) or a scenario (.toml), got {file.suffix or 'no ending'!r}")
     with write_file_whole(page) as temporary:
         write_html(picture, temporary)
     print(page)
+    for target in export:
+        export_picture(picture, target, result)
+        print(target)
     if open_browser and not open_page(page):
         print("no browser could be opened here; open that file in one", file=sys.stderr)
         return 1

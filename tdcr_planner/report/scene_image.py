@@ -137,7 +137,7 @@ class _Canvas:
             step: Outlines are drawn where the surface falls back by a quarter of this, m.
         """
         layer = raster.render_layer(self.camera, *mesh)
-        colour = raster.shade(layer, colours)
+        colour = raster.shade(layer, colours, ambient=0.5)
         colour[raster.outline(layer, 0.25 * step)] *= 0.6
         glass = self._glass[layer.rows, layer.columns]
         hidden = np.where(self._glass_nearness[layer.rows, layer.columns] > layer.nearness, glass, 0.0)

@@ -105,7 +105,14 @@ def _draw_scale_bar(axes: Axes, camera: Camera) -> None:
     length = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= room)
     x, y = 34.0, camera.height - 34.0
     axes.plot([x, x + length * camera.scale], [y, y], color=plots.INK, linewidth=2.5, solid_capstyle="butt")
-    axes.text(x, y - 9.0, f"{1e3 * length:g} mm", color=plots.INK, fontsize=9.5)
+    axes.text(
+        x,
+        y - 10.0,
+        f"{1e3 * length:g} mm",
+        color=plots.INK,
+        fontsize=9.5,
+        bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+    )
 
 
 def _draw_time_plots(upper: Axes, lower: Axes, picture: Picture) -> None:
@@ -153,7 +160,8 @@ def summary_line(picture: Picture) -> str:
         if np.isfinite(picture.clearance).any():
             parts.append(f"least clearance {1e3 * np.nanmin(picture.clearance):.2f} mm")
         if np.isfinite(picture.deviation).any():
-            parts.append(f"model within {1e3 * np.nanmax(picture.deviation):.2f} mm of the reference")
+            # a micrometre is finer than anyone can use
+            parts.append(f"model within {max(1e3 * np.nanmax(picture.deviation), 1e-3):.2g} mm of the reference")
     elif picture.message:
         parts.append(picture.message)
     return "  ·  ".join(parts)

@@ -18,7 +18,7 @@ _LOOKED_THROUGH = 24
 _WHOLE_SCENE = 1.6
 
 
-def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.07) -> Camera:
+def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.085) -> Camera:
     """Returns the camera under which the robot's states and goals fill much of the picture and are seen from the side.
 
     Up is against gravity (world z without gravity). Directions above the horizon are compared, each fitted to the robot

@@ -73,4 +73,4 @@ def test_same_picture_same_bytes(make_result, tmp_path):
 def test_summary_names_the_worst_values(make_result):
     line = summary_line(gather_picture(make_result()))
     assert "least clearance 0.80 mm" in line  # 2 - 1.2 sin(pi / 2) at state 5
-    assert "within 1.00 mm" in line
+    assert "within 1 mm" in line

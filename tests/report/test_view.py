@@ -38,6 +38,14 @@ def test_view_of_a_scenario_writes_into_the_current_folder(make_scenario, tmp_pa
     assert opened == [(tmp_path / "scenario_pipe.html").as_uri()]
 
 
+def test_view_exports_besides(make_result, tmp_path, opened, capsys):
+    file = write_result(make_result(), tmp_path / "out")
+    targets = (tmp_path / "a.glb", tmp_path / "deep" / "a.json")
+    assert view(file.parent, export=targets, open_browser=False) == 0
+    assert all(target.stat().st_size > 1000 for target in targets)
+    assert capsys.readouterr().out.splitlines() == [str(path) for path in (file.with_name("path.html"), *targets)]
+
+
 @pytest.mark.parametrize("reason", ["no display", "no browser"])
 def test_without_a_browser_the_page_stays(make_scenario, tmp_path, monkeypatch, capsys, reason):
     monkeypatch.setattr("sys.platform", "linux")
