@@ -11,12 +11,19 @@ from tdcr_planner.compare.timing import CheckTime
 from tdcr_planner.compare.verdicts import VARIANTS, Verdicts
 from tdcr_planner.errors import FormatError
 from tdcr_planner.planning.validity import Cause
-from tdcr_planner.report.compare_results import coordinate_names, write_comparison
+from tdcr_planner.report.compare_results import (
+    agreement_rows,
+    comparison_content,
+    coordinate_names,
+    state_rows,
+    verdict_rows,
+    write_comparison,
+)
 
 
 @pytest.fixture
 def comparison(make_scenario):
-    """Six states: one that nobody gets wrong, two that constant curvature calls valid and are not, one without shape."""
+    """Six states: one right by all, two that constant curvature calls valid and are not, one without a shape."""
     scenario = make_scenario()
     disks = scenario.robot.disk_count
     straight = np.linspace([0.0, 0.0, 0.0], [0.0, 0.0, 0.1], disks)
@@ -41,7 +48,7 @@ def comparison(make_scenario):
     )
     wrong = Disagreement(
         "constant_curvature", "false_valid", 1, verdicts.rows[1], -0.002, 0.04, straight,
-        np.tile(np.eye(3), (disks, 1, 1)), straight + [0.02, 0.0, 0.0], np.tile(np.eye(3), (disks, 1, 1)),
+        np.tile(np.eye(3), (disks, 1, 1)), straight + np.array([0.02, 0.0, 0.0]), np.tile(np.eye(3), (disks, 1, 1)),
     )  # fmt: skip
     return Comparison(
         scenario=scenario,
@@ -68,8 +75,8 @@ def _names(scenario):
     return range(count + (scenario.file.base.insertion_m is not None) + (scenario.file.base.roll_deg is not None))
 
 
-def test_compare_json_has_the_counts_and_rates(comparison, tmp_path):
-    content = json.loads(write_comparison(comparison, tmp_path / "out").read_text())
+def test_compare_json_has_the_counts_and_rates(comparison):
+    content = comparison_content(comparison)
     assert content["format"] == "tdcr-compare/1"
     assert (content["samples"], content["draws"], content["beyond_tension_limits"]) == (6, 9, 3)
     assert content["reference"] == {"valid": 2, "no_shape": 1, "limits": 1, "clearance": 2, "self_collision": 0}
@@ -96,26 +103,22 @@ def test_all_files_are_there_and_pictures_show_something(comparison, tmp_path):
         assert np.ptp(imread(tmp_path / "out" / name)[..., :3]) > 0.5
         if not name.startswith("disagreement"):
             assert (tmp_path / "out" / name).with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+    for name, count in (("states", 6), ("verdicts", len(VARIANTS)), ("paths", 2)):
+        with (tmp_path / "out" / f"{name}.csv").open(newline="") as stream:
+            assert len(list(csv.DictReader(stream))) == count
 
 
-def test_tables_name_states_and_causes(comparison, tmp_path):
-    write_comparison(comparison, tmp_path / "out")
-
-    def read(name):
-        with (tmp_path / "out" / name).open(newline="") as stream:
-            return list(csv.DictReader(stream))
-
-    states = read("states.csv")
+def test_tables_name_states_and_causes(comparison):
+    states = state_rows(comparison)
     assert [row["reference"] for row in states] == ["valid", "clearance", "clearance", "valid", "limits", "no_shape"]
     assert [row["learned"] for row in states] == ["valid", "cavity", "cavity", "cavity", "tension_limit", "statics"]
     assert set(coordinate_names(comparison)) <= set(states[0])
     assert len(coordinate_names(comparison)) == comparison.verdicts.rows.shape[1]
-    verdicts = read("verdicts.csv")
+    verdicts = verdict_rows(comparison)
     assert [row["variant"] for row in verdicts] == [variant.name for variant in VARIANTS]
-    assert verdicts[2]["false_valid"] == "2"
-    agreement = [row for row in read("agreement.csv") if row["variant"] == "constant_curvature"]
-    assert sum(int(row["states"]) for row in agreement) == 5
-    assert [row["status"] for row in read("paths.csv")] == ["verified", "unverified"]
+    assert verdicts[2]["false_valid"] == pytest.approx(2 / 6)
+    agreement = [row for row in agreement_rows(comparison) if row["variant"] == "constant_curvature"]
+    assert sum(row["states"] for row in agreement) == 5
 
 
 def test_without_paths_and_disagreements(comparison, tmp_path):
