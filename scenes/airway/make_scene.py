@@ -1,8 +1,8 @@
 """Makes airway.stl: the inside of a branching airway phantom, about twice life size.
 
-The trachea lies along +x with its mouth at x = 0, as in a patient on the back; y points to the patient's left and z, up,
-to the front. Behind the carina follow the two main bronchi and five lobar ones. The mouth is open (one boundary loop),
-the branches end blind. Lengths in mm.
+The trachea lies along +x with its mouth at x = 0, as in a patient on the back; y points to the patient's left and z,
+up, to the front. Behind the carina follow the two main bronchi and five lobar ones. The mouth is open (one boundary
+loop), the branches end blind. Lengths in mm.
 
 The surface is the level set of a smooth union of round cones. Making it needs the package manifold3d; using the shipped
 mesh does not. Run it with no arguments to write the mesh beside this file: the same bytes each time.
@@ -16,7 +16,6 @@ from pathlib import Path
 import numba
 import numpy as np
 import trimesh
-from manifold3d import Manifold
 
 BEHIND_MOUTH = 20.0  # the trachea is made longer by this much and cut at x = 0
 EDGE_LENGTH = 3.6
@@ -72,6 +71,9 @@ def depth_inside(pieces: np.ndarray, x: float, y: float, z: float) -> float:
 
 def make_airway() -> trimesh.Trimesh:
     """Returns the airway's surface in mm, normals out of the cavity, open at the mouth."""
+    # imported here, so that `depth_inside` can be asked where the package is not installed
+    from manifold3d import Manifold
+
     pieces = branch_pieces()
     points = pieces[..., :3].reshape(-1, 3)
     ends = pieces[..., 3:6].reshape(-1, 3)

@@ -1,9 +1,9 @@
 """Makes casing.stl, blades.stl and vanes.stl: a turbine stage seen from a borescope port in its casing.
 
-x points radially inwards (x = 0 is the outside of the casing at the port), y along the engine's axis downstream, z around
-the engine. The port's axis is the x axis. Behind the casing stand a row of guide vanes (upstream, y < 0) and a row of
-twisted rotor blades on their platform (downstream, y > 0). Every body is a closed solid and none touches another.
-Lengths in mm.
+x points radially inwards (x = 0 is the outside of the casing at the port), y along the engine's axis downstream, z
+around the engine. The port's axis is the x axis. Behind the casing stand a row of guide vanes (upstream, y < 0) and a
+row of twisted rotor blades on their platform (downstream, y > 0). Every body is a closed solid and none touches
+another. Lengths in mm.
 
 Run it with no arguments to write the meshes beside this file: the same bytes each time.
 """
@@ -115,7 +115,9 @@ def make_aerofoil(row: Row, angle: float) -> trimesh.Trimesh:
             root * row.thickness[0] + tip * row.thickness[1],
         )
         radius = root * row.radii[0] + tip * row.radii[1]
-        straight = np.stack([np.full(len(outline), CASING_RADIUS - radius), row.axial + outline[:, 0], outline[:, 1]], 1)
+        straight = np.stack(
+            [np.full(len(outline), CASING_RADIUS - radius), row.axial + outline[:, 0], outline[:, 1]], 1
+        )
         turn = trimesh.transformations.rotation_matrix(angle, [0, 1, 0], [CASING_RADIUS, 0, 0])
         sections.append(trimesh.transform_points(straight, turn))
     count = 2 * CHORD_POINTS
@@ -193,7 +195,10 @@ def make_casing() -> trimesh.Trimesh:
             a = layer * size + ring * PORT_SEGMENTS
             b = a + size
             wall = np.concatenate(
-                [np.stack([a + here, a + following, b + following], 1), np.stack([a + here, b + following, b + here], 1)]
+                [
+                    np.stack([a + here, a + following, b + following], 1),
+                    np.stack([a + here, b + following, b + here], 1),
+                ]
             )
             faces.append(wall[:, ::-1] if flip else wall)
     return oriented(trimesh.Trimesh(vertices, np.concatenate(faces), process=False))
