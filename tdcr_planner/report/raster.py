@@ -79,7 +79,9 @@ def corner_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     return np.where(sharp[..., None], flat[:, None], result)
 
 
-def render_layer(camera: Camera, vertices: FloatArray, faces: IntArray, *, farthest: bool = False) -> Layer:
+def render_layer(
+    camera: Camera, vertices: FloatArray, faces: IntArray, *, farthest: bool = False, behind: Layer | None = None
+) -> Layer:
     """Returns the nearest (or the farthest) surface of a mesh at each pixel.
 
     Args:
@@ -87,20 +89,26 @@ def render_layer(camera: Camera, vertices: FloatArray, faces: IntArray, *, farth
         vertices: Shape (v, 3), m, world frame.
         faces: Shape (f, 3).
         farthest: Keep the surface that is farthest from the viewer: of a tube, the wall behind what is in it.
+        behind: Leave out what is not behind this layer of the same mesh.
     """
     points = camera.project(vertices)[faces]
     normals = corner_normals(vertices, faces) @ camera.rotation.T
-    sign = -1.0 if farthest else 1.0
     size = np.array([camera.width, camera.height])
     flat = points[..., :2].reshape(-1, 2)
     left, top = np.clip(np.floor(flat.min(axis=0, initial=np.inf)), 0, size).astype(int)
     right, bottom = np.clip(np.ceil(flat.max(axis=0, initial=-np.inf)), [left, top], size).astype(int)
     points[..., :2] -= [left, top]
     height, width = bottom - top, right - left
+    sign = -1.0 if farthest else 1.0
     nearness = np.full((height, width), -np.inf, dtype=np.float32)
     image = np.zeros((height, width, 3), dtype=np.float32)
     face = np.full((height, width), -1, dtype=np.int32)
-    _fill_triangles(np.ascontiguousarray(points), np.ascontiguousarray(normals), sign, nearness, image, face)
+    # half a pixel of depth, so that a surface is not behind itself
+    limit = (
+        np.full((height, width), np.inf, dtype=np.float32) if behind is None else behind.nearness - 0.5 / camera.scale
+    )
+    arrays = (np.ascontiguousarray(points), np.ascontiguousarray(normals), limit.astype(np.float32))
+    _fill_triangles(*arrays, sign, nearness, image, face)
     seen = face >= 0
     nearness[seen] *= sign
     image /= np.maximum(np.linalg.norm(image, axis=-1, keepdims=True), 1e-12)
@@ -112,6 +120,7 @@ def render_layer(camera: Camera, vertices: FloatArray, faces: IntArray, *, farth
 def _fill_triangles(
     points: FloatArray,
     normals: FloatArray,
+    limit: Image,
     sign: float,
     nearness: Image,
     image: Image,
@@ -138,7 +147,10 @@ def _fill_triangles(
                 c = 1.0 - a - b
                 if a < 0.0 or b < 0.0 or c < 0.0:
                     continue
-                z = sign * (a * z0 + b * z1 + c * z2)
+                z = a * z0 + b * z1 + c * z2
+                if z >= limit[row, column]:
+                    continue
+                z *= sign
                 if z > nearness[row, column]:
                     nearness[row, column] = z
                     face[row, column] = f

@@ -23,6 +23,7 @@ SHOWN_STATES = 6
 _SUPERSAMPLING = 2
 _WALL_COLOURS = {"cavity": "#C3D0DC", "obstacle": "#C9BFB4"}
 _FAR_COVER = {"cavity": 0.9, "obstacle": 0.35}
+_INNER_COVER = 0.4
 # Cover of the near walls where they face the viewer, and how much it grows where they turn away.
 _GLASS = {"cavity": (0.04, 0.55), "obstacle": (0.40, 0.45)}
 
@@ -102,7 +103,13 @@ class _Canvas:
             raster.lay_over(
                 self.image, far, raster.shade(far, colour, gloss=0.0, ambient=0.62, depth_range=depths), cover
             )
-            self._paint_glass(raster.render_layer(self.camera, *mesh), 0.86 * colour, *_GLASS[role])
+            near = raster.render_layer(self.camera, *mesh)
+            # walls between the nearest and the farthest: a plate across a pipe, a branch before another
+            inner = raster.render_layer(self.camera, *mesh, behind=near)
+            between = inner.seen & (inner.nearness > far.nearness + 1.0 / self.camera.scale)
+            cover = np.where(between, _INNER_COVER, 0.0).astype(np.float32)
+            raster.lay_over(self.image, inner, raster.shade(inner, 0.92 * colour, ambient=0.5), cover)
+            self._paint_glass(near, 0.86 * colour, *_GLASS[role])
 
     def _paint_glass(self, near: Layer, colour: Image, base: float, rise: float) -> None:
         grazing = (1.0 - near.normals[..., 2]) ** 3

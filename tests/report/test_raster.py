@@ -51,6 +51,18 @@ def test_covered_area_is_the_projected_area(values):
     assert abs(int(layer.seen.sum()) - area) <= rim + 4.0
 
 
+def test_what_is_behind_a_layer_is_peeled_off(camera):
+    levels = (0.3, 0.1, -0.2)
+    corners = np.array([[-1.0, -0.9], [1.0, -0.9], [0.0, 0.9]])
+    vertices = np.concatenate([np.column_stack([corners, np.full(3, level)]) for level in levels])
+    faces = np.arange(9).reshape(3, 3)[::-1]
+    layer = render_layer(camera, vertices, faces)
+    for level in levels[1:]:
+        layer = render_layer(camera, vertices, faces, behind=layer)
+        assert layer.nearness[layer.seen] == pytest.approx(level)
+    assert not render_layer(camera, vertices, faces, behind=layer).seen.any()
+
+
 def test_what_is_outside_the_image_is_cut_off(camera):
     box = trimesh.creation.box((10.0, 10.0, 0.1))
     layer = render_layer(camera, np.asarray(box.vertices), np.asarray(box.faces))
