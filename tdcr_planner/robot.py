@@ -177,6 +177,13 @@ class RobotSpec(FileModel):
         """
         return RobotSpec.model_validate({**self.model_dump(), **(update or {})})
 
+    def __eq__(self, other: object) -> bool:
+        # Pydantic compares what is cached too, and arrays have no single truth value.
+        return isinstance(other, RobotSpec) and self.model_dump() == other.model_dump()
+
+    def __hash__(self) -> int:
+        return hash(self.mechanics_hash)
+
     @property
     def segment_count(self) -> int:
         """Number of segments."""
