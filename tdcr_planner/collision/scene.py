@@ -68,17 +68,24 @@ class Contact:
     def __str__(self) -> str:
         """Returns a sentence for a message."""
         place = "({:.4g}, {:.4g}, {:.4g}) m".format(*self.point)
+        part = " and ".join(_name_disks(name) for name in self.part.split(" and "))
         if self.verdict is Verdict.SELF:
-            return f"{self.part} touch each other near {place}"
+            return f"{part} touch each other near {place}"
         if self.verdict is Verdict.UNDEFINED:
-            return f"the pose of {self.part} is not finite"
+            return f"the pose of {part} is not finite"
         if self.triangle >= 0:
-            return f"{self.part} touches {self.mesh} (triangle {self.triangle}) at {place}"
+            return f"{part} touches {self.mesh} (triangle {self.triangle}) at {place}"
         side = "inside of" if self.verdict is Verdict.OBSTACLE else "outside of"
-        return f"{self.part} is {side} {self.mesh} at {place}"
+        return f"{part} is {side} {self.mesh} at {place}"
 
 
 UNDEFINED_CODE = np.int8(Verdict.UNDEFINED)
+
+
+def _name_disks(part: str) -> str:
+    """Returns a part's name, for a gap with the disks on either side."""
+    kind, _, number = part.partition(" ")
+    return f"{part} (between disk {int(number) - 1} and disk {number})" if kind == "gap" else part
 
 
 def _mesh_verdict(mesh: SceneMesh) -> Verdict:

@@ -238,7 +238,7 @@ def _read_archive(path: Path) -> tuple[ModelCard, ShootingWeights | None]:
                 raise FormatError(path, "is damaged: its checksum is wrong", broken)
             names = {name.split("/extra/", 1)[1]: name for name in archive.namelist() if "/extra/" in name}
             if CARD_FILE not in names:
-                raise FormatError(path, "is not a shape model: it holds no card; make one with `tdcr train`")
+                raise FormatError(path, "is not a shape model, or is truncated: it holds no card; make one with `tdcr train`")
             content = json.loads(archive.read(names[CARD_FILE]))
             weights = archive.read(names[WEIGHTS_FILE]) if WEIGHTS_FILE in names else None
     except FileNotFoundError as error:
