@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -127,6 +129,9 @@ class EdgeChecker:
                 checker.rejected[Cause.EDGE] += 1
                 return False
             tested = checker.shapes(_between(row_a, row_b, added))
+            if tested.codes.any():
+                checker.count(tested.codes)
+                return False
             along = np.concatenate([along, added])
             order = np.argsort(along, kind="stable")
             shapes = _join(shapes, tested)
@@ -144,17 +149,19 @@ class EdgeChecker:
         return True
 
     def _all_free(self, shapes: Shapes) -> bool:
-        """Tests states that are not known; without asking the scene where a cheaper test has rejected one."""
-        if not shapes.codes.any():
-            self.checker.collide(shapes)
-        self.checker.count(shapes.codes)
-        return not shapes.codes.any()
+        """Asks the scene about states that no cheaper test has rejected, and counts them."""
+        verdicts = self.checker.scene.check(shapes.positions, shapes.rotations)
+        if not verdicts.any():
+            self.checker.states_checked += len(verdicts)
+            return True
+        self.checker.count(verdicts)
+        return False
 
     def _coarse(self, row_a: FloatArray, row_b: FloatArray, step: float) -> FloatArray:
         """Returns where on the edge the first states stand: evenly, some steps apart, 3 at least."""
         motion = float(np.abs((row_b - row_a) * self.checker.motion_scale).sum())
-        intervals = min(max(2, int(np.ceil(motion / (_COARSE_STEPS * step)))), _MOST_STATES // 2)
-        return np.linspace(0.0, 1.0, intervals + 1)
+        intervals = min(max(2, math.ceil(motion / (_COARSE_STEPS * step))), _MOST_STATES // 2)
+        return _even(intervals)
 
     def _remember(self, key: bytes) -> None:
         if len(self._known) >= _REMEMBERED:
@@ -162,10 +169,17 @@ class EdgeChecker:
         self._known.add(key)
 
 
+@lru_cache(maxsize=1024)
+def _even(intervals: int) -> FloatArray:
+    """Returns the parameters of the ends of even intervals, shape (intervals + 1,); not to be written to."""
+    return np.linspace(0.0, 1.0, intervals + 1)
+
+
 def _between(row_a: FloatArray, row_b: FloatArray, along: FloatArray) -> FloatArray:
     """Returns the states at parameters (n,) of an edge, its ends exactly those given, shape (n, dimension)."""
     rows = row_a + along[:, None] * (row_b - row_a)
-    rows[along == 1.0] = row_b
+    if along[-1] == 1.0:
+        rows[-1] = row_b
     return np.asarray(rows)
 
 

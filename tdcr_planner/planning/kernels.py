@@ -78,14 +78,14 @@ def actuate(rows, tables):  # type: ignore[no-untyped-def]
         tables: See `ActuationTables`.
 
     Returns:
-        Tensions (n, t), gravity (n, 3), tip force (n, 3), base positions (n, 3), base rotations (n, 3, 3), and whether
-        a tension is over its limit (n,).
+        Tensions (n, t), gravity (n, 3), tip force (n, 3), base positions (n, 3), base rotations (n, 3, 3), whether a
+        tension is over its limit (n,), and how many rows that concerns.
     """
     count = rows.shape[0]
     tensions = np.empty((count, tables.pretension.shape[0]))
     gravity, tip_force = np.empty((count, 3)), np.empty((count, 3))
     positions, rotations = np.empty((count, 3)), np.empty((count, 3, 3))
-    over = np.zeros(count, dtype=np.bool_)
+    over, excessive = np.zeros(count, dtype=np.bool_), 0
     bending, insertion, roll = tables.columns
     base = tables.base_rotation
     for row in range(count):
@@ -118,7 +118,8 @@ def actuate(rows, tables):  # type: ignore[no-untyped-def]
                 pull += rotations[row, j, i] * tables.gravity[j]
                 push += rotations[row, j, i] * tables.tip_force[j]
             gravity[row, i], tip_force[row, i] = pull, push
-    return tensions, gravity, tip_force, positions, rotations, over
+        excessive += over[row]
+    return tensions, gravity, tip_force, positions, rotations, over, excessive
 
 
 @numba.njit(cache=True)
@@ -132,12 +133,12 @@ def to_world(positions, rotations, base_positions, base_rotations):  # type: ign
         base_rotations: world_from_base, shape (n, 3, 3).
 
     Returns:
-        Positions (n, d, 3) and rotations (n, d, 3, 3), float64, and which rows are finite, shape (n,).
+        Positions (n, d, 3) and rotations (n, d, 3, 3), float64, which rows are finite (n,), and how many are not.
     """
     count, disks = positions.shape[0], positions.shape[1]
     world_positions = np.empty((count, disks, 3))
     world_rotations = np.empty((count, disks, 3, 3))
-    finite = np.empty(count, dtype=np.bool_)
+    finite, broken = np.empty(count, dtype=np.bool_), 0
     for row in range(count):
         total = 0.0
         base = base_rotations[row]
@@ -153,7 +154,8 @@ def to_world(positions, rotations, base_positions, base_rotations):  # type: ign
                     world_rotations[row, disk, i, j] = value
                     total += abs(value)
         finite[row] = math.isfinite(total)
-    return world_positions, world_rotations, finite
+        broken += not finite[row]
+    return world_positions, world_rotations, finite, broken
 
 
 @numba.njit(cache=True)

@@ -109,6 +109,7 @@ class ValidityChecker:
         self._ruled_out: list[tuple[FloatArray, float]] = []
         self._tables = actuation_tables(space, _TENSION_TOLERANCE_N)
         self._limits = RobotLimits(self.robot)
+        self._always_in_domain = self._domain_holds_everywhere()
         self._disk_poses = getattr(model, "disk_poses_unchecked", None) or _checked_poses(model)
 
     def check(self, rows: FloatArray) -> Codes:
@@ -131,7 +132,11 @@ class ValidityChecker:
 
         Limits are not tested here; a row outside the model's domain has no shape.
         """
-        shapes = self._place(self.actuate(rows), np.zeros(len(rows), dtype=np.int8))
+        *parts, over, excessive = actuate(rows, self._tables)
+        codes = np.zeros(len(rows), dtype=np.int8)
+        if excessive and self._always_in_domain:
+            codes[over] = Cause.MODEL_DOMAIN.code
+        shapes = self._place(Actuation(*parts), codes)
         return shapes.positions, shapes.rotations, np.asarray(shapes.codes == 0)
 
     def actuate(self, rows: FloatArray) -> Actuation:
@@ -140,9 +145,11 @@ class ValidityChecker:
 
     def shapes(self, rows: FloatArray) -> Shapes:
         """Returns the shapes of rows (n, dimension) after every test but the scene's."""
-        *parts, over = actuate(rows, self._tables)
+        *parts, over, excessive = actuate(rows, self._tables)
         actuation = Actuation(*parts)
-        codes = over * np.int8(Cause.TENSION_LIMIT.code)
+        codes = np.zeros(len(rows), dtype=np.int8)
+        if excessive:
+            codes[over] = Cause.TENSION_LIMIT.code
         for centre, radius in self._ruled_out:
             near = (np.abs((rows - centre) * self.motion_scale).max(axis=1) < radius) & (codes == 0)
             codes[near] = Cause.RULED_OUT.code
@@ -168,6 +175,8 @@ class ValidityChecker:
     def count(self, codes: Codes) -> None:
         """Adds tested states to the counters."""
         self.states_checked += len(codes)
+        if not codes.any():
+            return
         for code in codes[codes != 0].tolist():
             self.rejected[CAUSES[code - 1]] += 1
 
@@ -202,11 +211,25 @@ class ValidityChecker:
         """
         return motion_scale(self)
 
+    def _domain_holds_everywhere(self) -> bool:
+        """Returns whether every row within the tension limits is inside the model's domain, told once.
+
+        The domain of a model with a card is a box of tensions from 0 and a ball for each load. Roll turns the loads
+        and keeps their size, so the corner of largest tensions, under the loads as they are, stands for all rows. Rows
+        beyond the tension limits are rejected before.
+        """
+        if not hasattr(self.model, "card"):
+            return False
+        *_, gravity, tip_force = self.space.world
+        corner = self.robot.max_tensions[None]
+        return bool(self.model.in_domain(corner, gravity[None], tip_force[None]).all())
+
     def _place(self, actuation: Actuation, codes: Codes) -> Shapes:
         """Returns world poses of the rows whose code is 0, and codes for those without a shape."""
-        inside = self.model.in_domain(actuation.tensions, actuation.gravity, actuation.tip_force)
-        if not inside.all():
-            codes[(codes == 0) & ~inside] = Cause.MODEL_DOMAIN.code
+        if not self._always_in_domain:
+            inside = self.model.in_domain(actuation.tensions, actuation.gravity, actuation.tip_force)
+            if not inside.all():
+                codes[(codes == 0) & ~inside] = Cause.MODEL_DOMAIN.code
         if not codes.any():
             return self._pose_all(actuation, codes)
         alive = np.flatnonzero(codes == 0)
@@ -228,10 +251,10 @@ class ValidityChecker:
 
     def _pose_all(self, actuation: Actuation, codes: Codes) -> Shapes:
         poses = self._disk_poses(actuation.tensions, actuation.gravity, actuation.tip_force)
-        positions, rotations, finite = to_world(
+        positions, rotations, finite, broken = to_world(
             poses.positions, poses.rotations, actuation.base_positions, actuation.base_rotations
         )
-        if not finite.all():
+        if broken:
             codes[~finite] = Cause.NOT_FINITE.code
         if not poses.solved.all():
             codes[~poses.solved] = Cause.NO_SHAPE.code

@@ -26,14 +26,21 @@ AROUND = {
 }
 
 
+# Those that improve their path until the time is over end by iterations here, which makes them repeatable.
+PARAMETERS = {
+    **{key: {"iterations": 80, "range": 0.1} for key in ("RRTstar", "InformedRRTstar", "SORRTstar")},
+    "AORRTC": {"iterations": 80},
+    "BITstar": {"iterations": 400},
+}
+
+
 def run(setup, **arguments):
     return search(setup.scenario, setup.space, setup.checker, **arguments)
 
 
 @pytest.mark.parametrize("name", PLANNERS)
 def test_every_offered_planner_finds_a_path_whose_every_edge_is_valid(make_setup, name):
-    iterations = {"RRTstar": 40, "InformedRRTstar": 40, "SORRTstar": 40, "AORRTC": 40, "BITstar": 600}.get(name, 0)
-    parameters = {"num_samples": 200} if "FMT" in name else {"iterations": iterations}
+    parameters = {"num_samples": 200} if "FMT" in name else PARAMETERS.get(name, {})
     setup = make_setup(boxes=POST, planner={"name": name, "step_m": 0.01, "parameters": parameters}, **AROUND)
     outcome = run(setup, seed=3, time_limit_s=30.0)
     assert outcome.status is SearchStatus.FOUND, outcome.message
@@ -56,12 +63,9 @@ def test_the_straight_way_is_blocked(make_setup):
     assert not setup.edges.check_edge(np.array([0.0, 2.4, 0.0]), np.array([2.4, 0.0, 0.0]))
 
 
-ITERATIONS = {"RRTstar": 80, "InformedRRTstar": 80, "SORRTstar": 80, "AORRTC": 40, "BITstar": 300}
-
-
 @pytest.mark.parametrize("name", [name for name in PLANNERS if name not in ("FMT", "BFMT")])
 def test_the_same_seed_gives_the_same_path(make_setup, name):
-    planner = {"name": name, "step_m": 0.02, "parameters": {"iterations": ITERATIONS.get(name, 0)}}
+    planner = {"name": name, "step_m": 0.02, "parameters": PARAMETERS.get(name, {})}
     setup = make_setup(boxes=POST, planner=planner, **AROUND)
     first, again, other = (run(setup, seed=seed, time_limit_s=30.0) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.rows, again.rows)
@@ -195,7 +199,7 @@ def test_a_reachable_goal_behind_a_wall_is_no_path(make_setup):
 @pytest.mark.parametrize("name", ["RRTConnect", "RRT", "RRTstar", "BITstar", "KPIECE1"])
 def test_a_tip_goal_is_reached(make_setup, name):
     target = [0.08, 0.0, 0.2]
-    planner = {"name": name, "step_m": 0.01, "parameters": {"iterations": {"RRTstar": 60, "BITstar": 300}.get(name, 0)}}
+    planner = {"name": name, "step_m": 0.01, "parameters": PARAMETERS.get(name, {})}
     base = {"insertion_m": [0.0, 0.05]}
     setup = make_setup(boxes=POST, planner=planner, base=base, start=AROUND["start"], goal={"tip_position_m": target})
     outcome = run(setup, seed=1, time_limit_s=30.0)
