@@ -889,6 +889,64 @@ def newton(
 
 
 @njit(**OPTIONS)
+def unloaded_tangent(
+    rod: RodArrays,
+    tau: FloatArray,
+    forces: FloatArray,
+    weights: FloatArray,
+    tip_moment: FloatArray,
+    tangent: FloatArray,
+) -> bool:
+    """Writes the derivative of M(0) with the load fraction at the unloaded shape: M_tip + the integral of p' x N.
+
+    Without loads M is zero along the rod and the strain constant in each segment, so that the shape is known.
+
+    Returns:
+        Whether the cross-section of every segment was solved.
+    """
+    strain, zero, inverse, twist = np.empty(6), np.zeros(6), np.empty((6, 6)), np.empty(6)
+    R, Q, d = np.eye(3), np.empty((3, 3)), np.empty(3)
+    tangent[:] = tip_moment
+    segment = -1
+    for c in range(rod.step_lengths.shape[0]):
+        h = rod.step_lengths[c]
+        if rod.step_segments[c] != segment:
+            segment = rod.step_segments[c]
+            strain[:] = rod.rest_strain[segment]
+            if not solve_strain(
+                zero,
+                strain,
+                rod.stiffness[segment],
+                rod.rest_strain[segment],
+                rod.offsets,
+                tau,
+                rod.first_tendon[segment],
+                inverse,
+                True,
+                rod.length[0],
+            ):
+                return False
+            for j in range(3):
+                twist[j] = h * strain[3 + j]
+                twist[3 + j] = h * strain[j]
+            exponential(twist, Q, d)
+        dx = R[0, 0] * d[0] + R[0, 1] * d[1] + R[0, 2] * d[2]
+        dy = R[1, 0] * d[0] + R[1, 1] * d[1] + R[1, 2] * d[2]
+        dz = R[2, 0] * d[0] + R[2, 1] * d[1] + R[2, 2] * d[2]
+        fx = forces[c, 0] - 0.5 * h * weights[segment, 0]
+        fy = forces[c, 1] - 0.5 * h * weights[segment, 1]
+        fz = forces[c, 2] - 0.5 * h * weights[segment, 2]
+        tangent[0] += dy * fz - dz * fy
+        tangent[1] += dz * fx - dx * fz
+        tangent[2] += dx * fy - dy * fx
+        for i in range(3):
+            x, y, z = R[i, 0], R[i, 1], R[i, 2]
+            for j in range(3):
+                R[i, j] = x * Q[0, j] + y * Q[1, j] + z * Q[2, j]
+    return True
+
+
+@njit(**OPTIONS)
 def follow_branch(
     rod: RodArrays,
     tau: FloatArray,
@@ -906,40 +964,11 @@ def follow_branch(
     Returns:
         Status code, residual in N m, sweeps made, fraction of the loads reached.
     """
-    count = forces.shape[0]
     scaled_forces, scaled_weights, scaled_tip = np.zeros_like(forces), np.zeros_like(weights), np.zeros(3)
-    end, angle, moment, record = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty((0, 4, 21))
     tangent, last, guess = np.zeros(3), np.zeros(3), np.zeros(3)
-    ok, _ = sweep(
-        rod, tau, scaled_forces, scaled_weights, last, False, positions, rotations, end, angle, moment, record
-    )
-    sweeps = 1
-    if not ok:
-        return NOT_CONVERGED, np.inf, sweeps, 0.0
-    # At load fraction 0 the derivative of M(0) is the moment of the loads about the base in the unloaded shape:
-    # the integral of p' x N.
-    disk = 0
-    for j in range(3):
-        tangent[j] = tip_moment[j]
-    reach = 0.0
-    for c in range(count):
-        reach += rod.step_lengths[c]
-        end_disk = rod.step_disks[c]
-        if end_disk >= 0:
-            w = weights[rod.step_segments[c]]
-            fx, fy, fz = forces[c, 0], forces[c, 1], forces[c, 2]
-            mid = 0.5 * reach if c == 0 or rod.step_disks[c - 1] >= 0 else 0.5 * rod.step_lengths[c]
-            fx -= w[0] * mid
-            fy -= w[1] * mid
-            fz -= w[2] * mid
-            dx = positions[end_disk, 0] - positions[disk, 0]
-            dy = positions[end_disk, 1] - positions[disk, 1]
-            dz = positions[end_disk, 2] - positions[disk, 2]
-            tangent[0] += dy * fz - dz * fy
-            tangent[1] += dz * fx - dx * fz
-            tangent[2] += dx * fy - dy * fx
-            disk = end_disk
-            reach = 0.0
+    if not unloaded_tangent(rod, tau, forces, weights, tip_moment, tangent):
+        return NOT_CONVERGED, np.inf, 0, 0.0
+    sweeps = 0
     fraction, step = 0.0, first_step
     residual, determinant, on_stable = np.inf, 1.0, True
     while True:
