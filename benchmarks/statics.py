@@ -1,6 +1,6 @@
 """Speed and reliability of the Cosserat reference.
 
-Run `python benchmarks/statics.py`; `--quick` takes a tenth of the cases. Times are processor time of this process (other
+Run `python benchmarks/statics.py`; `--quick` takes a tenth of the cases. Times are processor time of the process (other
 programs on the machine then count for less), the best of several runs; ratios compare runs of the same process.
 """
 
@@ -116,9 +116,7 @@ def _reliability(count: int) -> None:
 
 
 def _spot_check(count: int) -> None:
-    print(
-        "two_segment against a minimisation of the potential energy of a chain of constant-strain elements, extrapolated"
-    )
+    print("two_segment against minimal potential energy of a chain of constant-strain elements, extrapolated")
     robot = load_robot(ROBOTS / "two_segment.toml")
     tensions, loads = random_cases(robot, 20000, 2)
     solution = solve_statics(robot, tensions[:count], **{name: value[:count] for name, value in loads.items()})
