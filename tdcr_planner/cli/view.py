@@ -16,10 +16,14 @@ def view(
     out: Path | None = None,
     export: tuple[Path, ...] = (),
     open_browser: bool = True,
+    live: bool = False,
+    port: int = 8080,
 ) -> int:
     """Write the HTML of a result or a scenario and open it in a browser.
 
     Example: tdcr view out/elbow/result.json --export elbow.gif elbow.glb
+
+    Example: tdcr view scenes/duct/scenario_elbow.toml --live
 
     Exit code 1 when the page was written and no browser could be opened.
 
@@ -28,6 +32,8 @@ def view(
         out: Where to write the page; path.html beside the result or, for a scenario NAME.toml, NAME.html here.
         export: Files to write besides: .png, .gif, .mp4, .glb, and of a result .json (trajectory) or .npz (all shapes).
         open_browser: Open the page when it is written.
+        live: Serve a viewer in which sliders move the robot, until Ctrl-C, and write nothing.
+        port: Port of the live viewer.
     """
     from tdcr_planner.errors import FormatError
     from tdcr_planner.files import write_file_whole
@@ -37,6 +43,8 @@ def view(
     from tdcr_planner.report.results import read_result
     from tdcr_planner.report.scene_html import write_html
 
+    if live:
+        return _view_live(file, port, open_browser)
     result = None
     if file.suffix == ".toml":
         picture = gather_scenario_picture(load_scenario(file))
@@ -53,18 +61,38 @@ def view(
     for target in export:
         export_picture(picture, target, result)
         print(target)
-    if open_browser and not open_page(page):
+    if open_browser and not open_page(page.resolve().as_uri()):
         print("no browser could be opened here; open that file in one", file=sys.stderr)
         return 1
     return 0
 
 
-def open_page(page: Path) -> bool:
-    """Opens a page in the user's browser; false where there is none or no display to show it."""
+def _view_live(file: Path, port: int, open_browser: bool) -> int:
+    import threading
+
+    from tdcr_planner.planning.scenario import load_scenario
+    from tdcr_planner.report.live import serve_live
+    from tdcr_planner.report.results import read_result
+    from tdcr_planner.session import PlanningSession
+
+    scenario = load_scenario(file) if file.suffix == ".toml" else read_result(file).scenario
+    viewer = serve_live(PlanningSession(scenario), port=port)
+    print(f"{viewer.address} (Ctrl-C ends it)")
+    if open_browser and not open_page(viewer.address):
+        print("no browser could be opened here; open that address in one", file=sys.stderr)
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        viewer.stop()
+    return 0
+
+
+def open_page(address: str) -> bool:
+    """Opens an address in the user's browser; false where there is none or no display to show it."""
     shown_by = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
     if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in shown_by):
         return False
     try:
-        return webbrowser.open(page.resolve().as_uri())
+        return webbrowser.open(address)
     except webbrowser.Error:
         return False
