@@ -1,0 +1,131 @@
+"""Evaluation of a model, and the two commands that train and evaluate."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from tdcr_planner.cli.evaluate import evaluate
+from tdcr_planner.cli.train import train
+from tdcr_planner.errors import FormatError, InputError
+from tdcr_planner.learning.checkpoint import checkpoint_path
+from tdcr_planner.learning.evaluate import evaluate_model
+from tdcr_planner.learning.measured import format_robot
+from tdcr_planner.shape.learned import load_shape_model
+
+CONFIG = """
+format = "tdcr-train/1"
+[dataset]
+cases = 300
+validation_cases = 20
+threads = 1
+[shooting]
+hidden = [8]
+[optimiser]
+epochs = 2
+batch_size = 100
+[bound]
+alpha = 0.01
+cases = 200
+"""
+
+
+@pytest.fixture
+def files(small_robot, tmp_path):
+    robot, config = tmp_path / "robot.toml", tmp_path / "train.toml"
+    robot.write_text(format_robot(small_robot))
+    config.write_text(CONFIG)
+    return robot, config, tmp_path / "model.pt"
+
+
+def test_evaluation_measures_what_the_card_says(small_model):
+    evaluation = evaluate_model(small_model, 400, seed=5)
+    planner, uniform = evaluation.accuracy
+    stated = small_model.card.accuracy[0].overall["position_median_mm"]
+    assert 0.5 * stated < uniform.overall["position_median_mm"] < 2.0 * stated
+    assert planner.sample == "planner"
+    assert evaluation.constant_curvature.overall["position_median_mm"] > 20.0 * stated
+    # alpha = 0.01; 400 cases: four expected, more than 16 have a probability below 1e-5.
+    assert min(evaluation.coverage.values()) >= 1.0 - 16 / 400
+    assert evaluation.rotation_violation < 1e-12
+    # Axial strain of at most 10.5 N / 47 kN.
+    assert evaluation.arc_length_violation < 3e-4
+    assert [timing.batch for timing in evaluation.timings] == [1000, 10, 1]
+    assert evaluation.by_load.shape == (4, 2)
+    # Without loads there is nothing to learn: errors grow with them.
+    assert evaluation.by_load[0, 0] < evaluation.by_load[-1, 0]
+
+
+def test_the_same_seed_measures_the_same(small_model):
+    first, second = (evaluate_model(small_model, 50, seed=3) for _ in range(2))
+    np.testing.assert_array_equal(first.errors, second.errors)
+    assert first.accuracy == second.accuracy
+
+
+def test_too_few_samples_are_refused(small_model):
+    with pytest.raises(InputError, match="samples"):
+        evaluate_model(small_model, 3)
+
+
+def test_train_command_writes_a_model(files, capsys):
+    robot, config, out = files
+    assert train(robot, out=out, config=config) == 0
+    assert load_shape_model(out).card.training["dataset"]["cases"] == 300
+    assert not checkpoint_path(out).exists()
+    assert "error bound" in capsys.readouterr().out
+
+
+def test_train_command_says_what_an_interrupt_kept(files, capsys, monkeypatch):
+    robot, config, out = files
+
+    def interrupt(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("tdcr_planner.learning.train.judge_model", interrupt)
+        assert train(robot, out=out, config=config) == 1
+    assert "goes on from there" in capsys.readouterr().err
+    assert not out.exists()
+    assert train(robot, out=out, config=config) == 0
+    assert not checkpoint_path(out).exists()
+
+
+def test_train_command_names_a_bad_config(files):
+    robot, config, out = files
+    config.write_text("[dataset]\ncasse = 3\n")
+    with pytest.raises(FormatError, match="did you mean 'cases'"):
+        train(robot, out=out, config=config)
+
+
+def test_evaluate_command_writes_tables_and_plots(small_model, tmp_path, capsys):
+    out = tmp_path / "report"
+    assert evaluate(small_model.path, samples=60, out=out) == 0
+    text = capsys.readouterr().out
+    assert "constant curvature" in text
+    assert {path.name for path in out.iterdir()} == {
+        "evaluation.json",
+        "evaluation.md",
+        "error_by_disk.png",
+        "error_by_load.png",
+        "error_over_actuation.png",
+    }
+    content = json.loads((out / "evaluation.json").read_text())
+    assert content["model_sha256"] == small_model.sha256
+    assert len(content["accuracy"][0]["position_median_mm"]) == small_model.robot.disk_count
+
+
+def test_evaluate_command_says_when_the_bound_does_not_hold(small_model, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "tdcr_planner.shape.learned.LearnedShape.__init__", with_a_tenth_of_the_bound(type(small_model).__init__)
+    )
+    assert evaluate(small_model.path, samples=200) == 1
+
+
+def with_a_tenth_of_the_bound(build):
+    def init(self, *arguments):
+        build(self, *arguments)
+        self.error_bound = 0.1 * self.error_bound
+
+    return init
