@@ -13,6 +13,7 @@ import numpy as np
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import ConfigurationGoal, GoalSource, TipGoal
+from tdcr_planner.planning.objectives import PathCost
 from tdcr_planner.planning.ompl_run import PLANNERS, REFUSED, PlannerRun, Progress, check_planner, planner_parameters
 from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.smoothing import shorten
@@ -148,6 +149,7 @@ class _Query:
 
     def _travel(self, start: FloatArray, order: tuple[int, ...]) -> SearchOutcome:
         rows, reached = start[None], []
+        cost = PathCost(self.scenario.planner.objective, self.checker)
         for leg, number in enumerate(order):
             now = time.monotonic()
             run = PlannerRun(
@@ -156,6 +158,7 @@ class _Query:
                 name=self.scenario.planner.name,
                 parameters=dict(self.scenario.planner.parameters),
                 deadline=now + max(self.deadline - now, 0.0) / (len(order) - leg),
+                cost=cost,
                 progress=self.progress,
             )
             source = self.sources[number]
@@ -166,7 +169,7 @@ class _Query:
             if found is None or not self.edges.path_valid(found):
                 message = f"no path to {self._name(number)} within the time given"
                 return self._outcome(SearchStatus.NO_PATH, message)
-            found = shorten(self.edges, found, seed=self.seed + leg, deadline=self.deadline)
+            found = shorten(self.edges, found, seed=self.seed + leg, deadline=self.deadline, cost=cost.edge)
             rows = np.concatenate([rows, found[1:]])
             reached.append(len(rows) - 1)
         return self._outcome(SearchStatus.FOUND, f"path of {len(rows)} waypoints", rows, tuple(reached), order)

@@ -19,6 +19,7 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import InputError, nearest_name
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import GoalSource
+from tdcr_planner.planning.objectives import PathCost
 from tdcr_planner.planning.validity import ValidityChecker
 
 Progress = Callable[[float, str], None]
@@ -37,7 +38,6 @@ PLANNERS: tuple[str, ...] = (
     "BKPIECE1",
     "LBKPIECE1",
 )
-OPTIMISING: frozenset[str] = frozenset({"RRTstar", "InformedRRTstar", "SORRTstar", "AORRTC", "BITstar"})
 REFUSED: dict[str, str] = {
     "PRM": "it runs a second thread, in which an exception or Ctrl-C ends the process",
     "PRMstar": "it runs a second thread, in which an exception or Ctrl-C ends the process",
@@ -86,6 +86,7 @@ class PlannerRun:
         name: The planner.
         parameters: Its parameters.
         deadline: When to end, by time.monotonic().
+        cost: What the planners that improve their path minimise.
         progress: Told a fraction of the time and a message now and then; may raise to end the search.
         iterations: How often the planner has asked whether to go on.
     """
@@ -95,6 +96,7 @@ class PlannerRun:
     name: str
     parameters: dict[str, Any]
     deadline: float
+    cost: PathCost
     progress: Progress | None = None
     iterations: int = 0
     error: BaseException | None = None
@@ -141,6 +143,10 @@ class PlannerRun:
         if self.error is None and not states.hasStates():
             return None
         definition.setGoal(states)
+        if self.cost.plain:
+            definition.setOptimizationObjective(ob.PathLengthOptimizationObjective(information))
+        else:
+            definition.setOptimizationObjective(_CostObjective(information, self))
         condition = ob.PlannerTerminationCondition(self._stop)
         samples = 0
         while self.error is None:
@@ -194,7 +200,7 @@ class PlannerRun:
             self._write(state, row)
             self._states.addState(state)
 
-    # The three callbacks run inside OMPL. What they raise is kept and ends the search; `run` raises it outside.
+    # These callbacks run inside OMPL. What they raise is kept and ends the search; `run` raises it outside.
 
     def _state_valid(self, state: Any) -> bool:
         if self.error is not None:
@@ -214,6 +220,17 @@ class PlannerRun:
         except BaseException as error:
             self.error = error
             return False
+
+    def price(self, state_a: Any, state_b: Any, least: bool) -> float:
+        """Returns the cost of an edge of the planner, or the least that it can be."""
+        if self.error is not None:
+            return 0.0
+        try:
+            measure = self.cost.length if least else self.cost.edge
+            return float(measure(self._read(state_a), self._read(state_b)))
+        except BaseException as error:
+            self.error = error
+            return 0.0
 
     def _stop(self) -> bool:
         if self.error is not None:
@@ -246,6 +263,26 @@ class _EdgeValidator(ob.MotionValidator):
     def checkMotion(self, state_a: Any, state_b: Any, *_: Any) -> bool:  # noqa: N802
         """Returns whether the edge is valid; the form that asks for the last valid state is answered the same way."""
         return self._run.edge_valid(state_a, state_b)
+
+
+class _CostObjective(ob.OptimizationObjective):
+    """OMPL's question about costs, passed on."""
+
+    def __init__(self, information: Any, run: PlannerRun) -> None:
+        super().__init__(information)
+        self._run = run
+
+    def stateCost(self, _: Any) -> Any:  # noqa: N802
+        """Returns no cost: only motion has one."""
+        return ob.Cost(0.0)
+
+    def motionCost(self, state_a: Any, state_b: Any) -> Any:  # noqa: N802
+        """Returns the cost of an edge."""
+        return ob.Cost(self._run.price(state_a, state_b, least=False))
+
+    def motionCostHeuristic(self, state_a: Any, state_b: Any) -> Any:  # noqa: N802
+        """Returns the least that an edge between two states can cost."""
+        return ob.Cost(self._run.price(state_a, state_b, least=True))
 
 
 def _setters(name: str) -> dict[str, tuple[str, type]]:
