@@ -88,7 +88,8 @@ class PhysicsLoss:
             out = self._network.cross_sections(inputs)
             return out[:, 0:3], self._network.rotation(out[:, 3:6]), out[:, 6:9]
 
-        (_, rotation, u), (p_slope, rotation_slope, u_slope) = torch.func.jvp(evaluate, (rows,), (along,))
+        values, slopes = torch.func.jvp(evaluate, (rows,), (along,))[:2]
+        (_, rotation, u), (p_slope, rotation_slope, u_slope) = values, slopes
         turn = torch.matmul(rotation, _skew(u))
         return p_slope - rotation[:, :, 2], rotation_slope - turn, u_slope - self._curvature_slope(u, rows[:, 1:])
 
