@@ -1,0 +1,40 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tdcr_planner.errors import FormatError
+from tdcr_planner.sweep.job import run_planning_job
+
+
+@pytest.fixture
+def jobs(suite):
+    """Two jobs of one scenario and one of another, which plan without gravity in free space."""
+    return suite.jobs[0], suite.jobs[1], suite.jobs[3]
+
+
+def test_a_job_does_not_depend_on_those_before_it(jobs):
+    first, second, elsewhere = jobs
+    alone = run_planning_job(first)
+    assert alone["status"] == "verified"
+    assert alone["result"]["states"] > 2
+    assert alone["timing"]["plan_s"] > 0.0
+    run_planning_job(second)
+    assert run_planning_job(first)["result"] == alone["result"]
+    run_planning_job(elsewhere)
+    assert run_planning_job(first)["result"] == alone["result"]
+
+
+def test_another_planner_than_the_scenarios_gets_none_of_its_parameters(make_scenario, suite):
+    scenario = make_scenario(planner={"validity": "constant_curvature", "parameters": {"range": 0.4}})
+    job = replace(suite.jobs[0], sha256=scenario.sha256)
+    assert run_planning_job(job)["status"] == "verified"
+    # BITstar has no parameter "range".
+    assert run_planning_job(replace(job, planner="BITstar", time_limit_s=2.0))["status"] == "verified"
+
+
+def test_refuses_a_scenario_that_has_changed(jobs):
+    path = Path(jobs[0].path)
+    path.write_text(path.read_text() + "# a change\n")
+    with pytest.raises(FormatError, match="has changed"):
+        run_planning_job(jobs[0])
