@@ -20,7 +20,6 @@ from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.files import write_file_whole
 from tdcr_planner.report import plots, raster
 from tdcr_planner.report.picture import Picture
-from tdcr_planner.report.results import trajectory_table, write_shapes
 from tdcr_planner.report.robot_mesh import (
     Mesh,
     backbone_curve,
@@ -31,6 +30,7 @@ from tdcr_planner.report.robot_mesh import (
 )
 from tdcr_planner.report.scene_image import render_scene
 from tdcr_planner.report.scene_png import write_png
+from tdcr_planner.report.state_files import trajectory_table, write_shapes
 from tdcr_planner.report.viewpoint import choose_camera
 from tdcr_planner.session import PlanResult
 

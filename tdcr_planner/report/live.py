@@ -13,8 +13,9 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Validity
 from tdcr_planner.report import plots
-from tdcr_planner.report.picture import load_display_meshes
+from tdcr_planner.report.picture import gather_scenario_picture
 from tdcr_planner.report.robot_mesh import Mesh, backbone_curve, disk_mesh, merge_meshes, tendon_lines, tube_mesh
+from tdcr_planner.report.viewpoint import choose_camera
 from tdcr_planner.session import PlanningSession
 
 MODELS: tuple[Validity, ...] = ("learned", "reference", "constant_curvature")
@@ -148,7 +149,12 @@ class LiveViewer:
         ]
 
     def _draw_scene(self) -> None:
-        for number, mesh in enumerate(load_display_meshes(self._scene.session.scenario)):
+        picture = gather_scenario_picture(self._scene.session.scenario)
+        camera = choose_camera(picture, 800, 600)
+        away = 0.9 * camera.height / camera.scale * camera.rotation[2]
+        view = self._server.initial_camera
+        view.up, view.look_at, view.position = camera.rotation[1], camera.centre, camera.centre + away
+        for number, mesh in enumerate(picture.meshes):
             self._server.scene.add_mesh_simple(
                 f"/scene/{number}",
                 mesh.vertices.astype(np.float32),
@@ -157,7 +163,6 @@ class LiveViewer:
                 opacity=0.25 if mesh.role == "cavity" else 0.55,
                 side="double",
             )
-        self._server.scene.set_up_direction((0.0, 0.0, 1.0))
 
     def _draw_robot(self, look: Look) -> None:
         if not np.isfinite(look.positions).all():

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import logging
 import math
 import os
-import zipfile
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,13 +15,13 @@ from tdcr_planner.errors import FormatError
 from tdcr_planner.files import FileModel, parse_table, read_json, sha256_of_file, write_folder_whole
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import PlannerSettings, Scenario, load_scenario
+from tdcr_planner.report.state_files import read_shapes, write_shapes, write_trajectory_csv
 from tdcr_planner.session import PlanResult, PlanStatus
 from tdcr_planner.verification import VerificationReport
 
 RESULT_FORMAT = "tdcr-result/1"
 RESULT_FILES = ("path.html", "path.png", "result.json", "shapes.npz", "trajectory.csv")
 
-_log = logging.getLogger(__name__)
 _Number = float | None
 _Row = list[_Number]
 
@@ -215,61 +212,6 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def trajectory_table(result: PlanResult) -> tuple[list[str], FloatArray]:
-    """Returns the columns of the trajectory, units in their names, and its rows, shape (k, columns)."""
-    robot = result.scenario.robot
-    names = ["time_s", "insertion_m", "roll_deg"]
-    names += [f"bending_{segment + 1}_{axis}_n" for segment in range(robot.segment_count) for axis in "xy"]
-    names += [f"tension_{tendon + 1}_n" for tendon in range(robot.tendon_count)]
-    names += [f"tendon_displacement_{tendon + 1}_m" for tendon in range(robot.tendon_count)]
-    names += ["tip_x_m", "tip_y_m", "tip_z_m"]
-    path = result.path
-    if path is None:
-        return names, np.zeros((0, len(names)))
-    columns = [
-        path.times[:, None],
-        path.insertion[:, None],
-        np.rad2deg(path.roll)[:, None],
-        path.bending.reshape(len(path), -1),
-        path.tensions,
-        path.tendon_displacements,
-        path.tip_positions,
-    ]
-    return names, np.concatenate(columns, axis=1)
-
-
-def write_trajectory_csv(result: PlanResult, file: str | Path) -> None:
-    """Writes trajectory.csv: a header with units, then a row a state; a result without a path has the header alone.
-
-    A number that is not known is an empty field.
-    """
-    names, rows = trajectory_table(result)
-    with Path(file).open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(names)
-        writer.writerows([repr(value) if math.isfinite(value) else "" for value in row] for row in rows.tolist())
-
-
-def write_shapes(result: PlanResult, file: str | Path) -> None:
-    """Writes shapes.npz: every verified state's disk poses in the world frame; zero states without a verification.
-
-    Its arrays: `arc_lengths_m` (d,), `time_s` (k,), `converged` (k,), `positions_m` (k, d, 3), `rotations`
-    (k, d, 3, 3) world_from_disk, and `model_positions_m` (k, d, 3) of the shape model where one was compared.
-    """
-    report, robot = result.verification, result.scenario.robot
-    count = robot.disk_count
-    arrays = {
-        "arc_lengths_m": robot.arc_lengths,
-        "time_s": np.zeros(0) if result.path is None else result.path.times,
-        "converged": np.zeros(0, dtype=np.bool_) if report is None else report.converged,
-        "positions_m": np.zeros((0, count, 3)) if report is None else report.positions,
-        "rotations": np.zeros((0, count, 3, 3)) if report is None else report.rotations,
-    }
-    if report is not None and report.model_positions is not None:
-        arrays["model_positions_m"] = report.model_positions
-    np.savez_compressed(file, allow_pickle=False, **arrays)
-
-
 def read_result(path: str | Path) -> PlanResult:
     """Returns a result that `write_result` wrote, with its scenario loaded again.
 
@@ -397,7 +339,7 @@ def _read_verification(table: _ResultFile, count: int, scenario: Scenario, file:
     def read(key: str) -> FloatArray:
         return _read_array(getattr(verification, key), (count,), file, f"verification.{key}")
 
-    shapes = _read_shapes(file.with_name("shapes.npz"), table.shapes_sha256, count, scenario.robot.disk_count)
+    shapes = read_shapes(file.with_name("shapes.npz"), table.shapes_sha256, count, scenario.robot.disk_count)
     return VerificationReport(
         verified=verification.verified,
         message=verification.message,
@@ -412,24 +354,3 @@ def _read_verification(table: _ResultFile, count: int, scenario: Scenario, file:
         cause=verification.cause,
         worst_state=verification.worst_state,
     )
-
-
-def _read_shapes(file: Path, digest: str, count: int, disks: int) -> dict[str, FloatArray]:
-    """Returns the poses of shapes.npz, or NaN poses with a warning where the file is missing."""
-    if not file.exists():
-        _log.warning("%s: no such file; shapes are left out", file)
-        return {
-            "positions_m": np.full((count, disks, 3), np.nan),
-            "rotations": np.full((count, disks, 3, 3), np.nan),
-        }
-    if sha256_of_file(file) != digest:
-        raise FormatError(file, "belongs to another result than the result.json beside it, or is damaged")
-    try:
-        with np.load(file, allow_pickle=False) as archive:
-            shapes = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise FormatError(file, f"cannot be read: {error}") from error
-    for name, shape in (("positions_m", (count, disks, 3)), ("rotations", (count, disks, 3, 3))):
-        if name not in shapes or shapes[name].shape != shape:
-            raise FormatError(file, f"expected shape {shape}", name)
-    return shapes

@@ -10,7 +10,7 @@ from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.report import export
 from tdcr_planner.report.export import export_picture, write_animation
 from tdcr_planner.report.picture import gather_picture
-from tdcr_planner.report.results import write_trajectory_csv
+from tdcr_planner.report.state_files import write_trajectory_csv
 
 
 @pytest.fixture

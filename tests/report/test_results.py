@@ -7,7 +7,7 @@ import pytest
 
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import sha256_of_file
-from tdcr_planner.report import results, scene_html
+from tdcr_planner.report import scene_html, state_files
 from tdcr_planner.report.results import RESULT_FILES, read_result, write_result
 from tdcr_planner.session import PlanStatus
 
@@ -237,7 +237,7 @@ def test_result_and_scene_that_moved_together_find_each_other(written, tmp_path)
 def test_missing_shapes_are_nan_with_a_warning(written, caplog):
     result, file = written
     file.with_name("shapes.npz").unlink()
-    with caplog.at_level(logging.WARNING, logger=results.__name__):
+    with caplog.at_level(logging.WARNING, logger=state_files.__name__):
         again = read_result(file)
     assert "shapes.npz" in caplog.text
     assert np.isnan(again.verification.positions).all()

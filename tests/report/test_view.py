@@ -76,3 +76,28 @@ def test_an_output_folder_that_is_a_file_is_refused(make_scenario, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(FormatError, match="cannot be written"):
         view(make_scenario("paper").path, out=tmp_path / "file" / "page.html")
+
+
+def test_the_live_viewer_runs_until_it_is_interrupted(make_scenario, monkeypatch, opened, capsys):
+    def interrupt(self, timeout=None):
+        raise KeyboardInterrupt
+
+    stopped = []
+
+    class Viewer:
+        address = "http://127.0.0.1:8099"
+
+        def stop(self):
+            stopped.append(True)
+
+    def serve(session, port):
+        assert port == 8099
+        assert session.scenario.file.title == "Pipe & <ball>"
+        return Viewer()
+
+    monkeypatch.setattr("tdcr_planner.report.live.serve_live", serve)
+    monkeypatch.setattr("threading.Event.wait", interrupt)
+    assert view(make_scenario("paper").path, live=True, port=8099) == 0
+    assert opened == ["http://127.0.0.1:8099"]
+    assert stopped == [True]
+    assert "Ctrl-C ends it" in capsys.readouterr().out
