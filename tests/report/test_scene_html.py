@@ -1,4 +1,5 @@
 import json
+import os
 import queue
 import re
 import shutil
@@ -141,7 +142,10 @@ def test_scenario_page_has_no_controls(make_scenario):
 def browser():
     found = [path for path in map(shutil.which, BROWSERS) if path]
     if not found:
-        pytest.skip(f"needs a browser on the PATH: {', '.join(BROWSERS)}")
+        reason = f"needs a browser on the PATH: {', '.join(BROWSERS)}"
+        if os.environ.get("TDCR_BROWSER_REQUIRED"):
+            pytest.fail(reason)
+        pytest.skip(reason)
     return found[0]
 
 
