@@ -166,8 +166,8 @@ def solve_strain(
     """Solves the six equations of a cross-section for its strain.
 
     Newton's method whose matrix is kept from a neighbouring cross-section (`refresh` false) while it contracts well,
-    and computed afresh when asked or when it does not. The energy behind the equations is strictly convex, so damping
-    by its residual suffices far from the solution.
+    and computed afresh when asked or when it does not. The energy behind the equations is strictly convex, so there is
+    one solution to go to. A load that would shorten a tendon's path to nothing has none, and is reported.
 
     Returns:
         Whether it converged; `strain` holds the result, `inverse` the matrix last used.
