@@ -205,7 +205,7 @@ class PlanningSession:
             if outcome.rows is None:
                 break
             begin = time.monotonic()
-            rows, goals = self._states(query, checker, outcome)
+            rows, goals = self.path_states(query, checker, outcome)
             attempt.report, attempt.states = self.verifier(query).verify(rows, goals)
             attempt.order = outcome.order
             attempt.verify_s += time.monotonic() - begin
@@ -215,7 +215,7 @@ class PlanningSession:
             attempt.learn(settings.clearance_m)
         return self._result(attempt, load_s, time.monotonic() - started)
 
-    def _states(
+    def path_states(
         self, query: Scenario, checker: ValidityChecker, outcome: SearchOutcome
     ) -> tuple[FloatArray, list[tuple[int, Goal]]]:
         """Returns a found path's states at most step_m apart, and which of them must reach which goal."""

@@ -32,6 +32,8 @@ def run_planning_job(job: SweepJob) -> dict[str, Any]:
     Raises:
         FormatError: The scenario file is not the one that the sweep was made for.
     """
+    from tdcr_planner.sweep.own import is_own, load_search, plan_with
+
     with _ONE_AT_A_TIME:
         session = _session(job)
         own = session.scenario.planner
@@ -46,6 +48,8 @@ def run_planning_job(job: SweepJob) -> dict[str, Any]:
             changes["parameters"] = {}
         query = session.scenario.with_planner(**changes)
         _warm_up(session, query)
+        if is_own(job.planner):
+            return record_of(plan_with(load_search(job.planner), session, query))
         return record_of(session.plan(query))
 
 

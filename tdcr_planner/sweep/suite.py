@@ -42,7 +42,7 @@ class SuiteFile(FileModel):
 
     Attributes:
         scenarios: The scenarios.
-        planners: OMPL planners by name.
+        planners: OMPL planners by name, or "module:function" for one's own; see `sweep.own`.
         models: Shape models that the search asks.
         seeds: Seeds of the search, each above 0.
         time_limit_s: Time for each query in place of the scenarios' own.
@@ -140,7 +140,7 @@ def load_suite(path: str | Path) -> Suite:
     content = parse_table(SuiteFile, read_toml(file), path)
     for index, planner in enumerate(content.planners):
         try:
-            check_planner(planner)
+            _check_planner(planner)
         except InputError as error:
             raise FormatError(path, f"expected {error.expected}; got {error.got}", f"planners[{index + 1}]") from error
     scenarios = [_load_entry(file, entry, index, content) for index, entry in enumerate(content.scenarios)]
@@ -155,6 +155,15 @@ def load_suite(path: str | Path) -> Suite:
         )
         jobs.append(job)
     return Suite(file, content, tuple(jobs), _hash(content, scenarios))
+
+
+def _check_planner(planner: str) -> None:
+    from tdcr_planner.sweep.own import is_own, load_search
+
+    if is_own(planner):
+        load_search(planner)
+    else:
+        check_planner(planner)
 
 
 def _load_entry(suite: Path, entry: SuiteEntry, index: int, content: SuiteFile) -> Scenario:

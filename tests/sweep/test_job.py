@@ -5,6 +5,7 @@ import pytest
 
 from tdcr_planner.errors import FormatError
 from tdcr_planner.sweep.job import run_planning_job
+from tdcr_planner.sweep.suite import load_suite
 
 
 @pytest.fixture
@@ -38,3 +39,17 @@ def test_refuses_a_scenario_that_has_changed(jobs):
     path.write_text(path.read_text() + "# a change\n")
     with pytest.raises(FormatError, match="has changed"):
         run_planning_job(jobs[0])
+
+
+def test_a_planner_of_ones_own_is_judged_like_the_others(write_suite, fake_jobs):
+    suite = load_suite(write_suite(planners='["tdcr_fake_jobs:straight_line"]'))
+    record = run_planning_job(suite.jobs[0])
+    assert record["status"] == "verified"
+    assert record["result"]["states"] > 2
+    assert record["timing"]["message"] == "a straight line"
+
+
+@pytest.mark.parametrize("name", ["tdcr_fake_jobs:nothing", "no_such_module:plan", ":plan"])
+def test_a_planner_that_cannot_be_imported_is_refused_by_name(write_suite, fake_jobs, name):
+    with pytest.raises(FormatError, match="planners"):
+        load_suite(write_suite(planners=f'["{name}"]'))

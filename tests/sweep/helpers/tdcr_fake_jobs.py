@@ -37,3 +37,17 @@ def wait_for_ctrl_c(job):
         os.kill(os.getppid(), signal.SIGINT)
         time.sleep(600.0)
     return succeed(job)
+
+
+def straight_line(scenario, space, checker, *, time_limit_s, seed):
+    """A planner of one's own: the straight line to a goal that is a configuration, if it is free."""
+    import numpy as np
+
+    from tdcr_planner.planning.edges import EdgeChecker
+    from tdcr_planner.planning.ompl_planner import SearchOutcome, SearchStatus
+
+    start, (goal,) = scenario.file.start, scenario.goals
+    rows = np.stack([space.row(start.bending_n), space.row(goal.bending_n)])
+    if not EdgeChecker(checker, scenario.planner.step_m).path_valid(rows):
+        return SearchOutcome(SearchStatus.NO_PATH, "the straight line is not free")
+    return SearchOutcome(SearchStatus.FOUND, "a straight line", rows, goals=(1,), order=(0,))
