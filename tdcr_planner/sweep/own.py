@@ -35,7 +35,7 @@ def load_search(planner: str) -> Search:
         ) from error
     if not callable(found):
         raise InputError("planner", f"a function of module {module}", repr(name))
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def plan_with(search: Search, session: PlanningSession, query: Scenario) -> PlanResult:
