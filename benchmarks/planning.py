@@ -298,7 +298,7 @@ def main() -> None:
     if "reference" in parts:
         against_reference([SCENES / name for name in QUICK[: 1 if arguments.quick else 3]], min(seeds, 3))
     if "growth" in parts:
-        growth(min(seeds, 5), arguments.out, 30_000 if arguments.quick else 1_000_000)
+        growth(min(seeds, 5), arguments.out, 30_000 if arguments.quick else 1_200_000)
 
 
 if __name__ == "__main__":
