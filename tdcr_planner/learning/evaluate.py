@@ -96,9 +96,9 @@ def evaluate_model(
 
     def predict(cases: Cases) -> tuple[FloatArray, FloatArray, FloatArray]:
         poses = model.disk_poses_unchecked(cases.tensions, cases.gravity, cases.tip_force)
-        residual = np.full((len(cases), 3), np.nan)
+        residual = np.full(len(cases), np.nan)
         if model.card.network == "shooting":
-            residual = model.residual(cases.tensions, gravity=cases.gravity, tip_force=cases.tip_force)[:, None]
+            residual = model.residual(cases.tensions, gravity=cases.gravity, tip_force=cases.tip_force)
         return poses.positions, poses.rotations, residual
 
     accuracy: list[Accuracy] = []
@@ -116,7 +116,7 @@ def evaluate_model(
 
     def predict_arcs(cases: Cases) -> tuple[FloatArray, FloatArray, FloatArray]:
         poses = baseline.disk_poses(cases.tensions)
-        return poses.positions, poses.rotations, np.full((len(cases), 3), np.nan)
+        return poses.positions, poses.rotations, np.full(len(cases), np.nan)
 
     errors = position_errors(positions, solved)
     load_share = _load_share(model, solved.cases)

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.stats import binom
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.learning.dataset import Cases, Sample, SolvedCases
+from tdcr_planner.learning.settings import CONFIDENCE
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import rotation_distance
 from tdcr_planner.shape.card import Accuracy, ErrorBound
 
 Predict = Callable[[Cases], tuple[FloatArray, FloatArray, FloatArray]]
-"""Cases to positions (n, d, 3) m, rotations (n, d, 3, 3) and residual of the cut form (n, 3) N m (NaN if unknown)."""
+"""Cases to positions (n, d, 3) m, rotations (n, d, 3, 3) and residual of the cut form (n,) N m (NaN if unknown)."""
 
 
 def position_errors(positions: FloatArray, solved: SolvedCases) -> FloatArray:
@@ -45,8 +47,8 @@ def measure_accuracy(predict: Predict, sample: Sample, solved: SolvedCases) -> A
         "rotation_max_deg": float(turned.max()),
     }
     if np.isfinite(residual).all():
-        size = np.linalg.norm(residual, axis=1)
-        overall |= {"residual_median_nm": float(np.median(size)), "residual_p99_nm": float(np.quantile(size, 0.99))}
+        quantiles = float(np.median(residual)), float(np.quantile(residual, 0.99))
+        overall |= dict(zip(("residual_median_nm", "residual_p99_nm"), quantiles, strict=True))
     return Accuracy(
         sample=sample,
         cases=len(solved.cases),
@@ -63,7 +65,8 @@ def conformal_bound(errors: FloatArray, alpha: float) -> FloatArray:
     """Returns a bound for every disk that a fresh case of the same distribution exceeds somewhere with at most alpha.
 
     Split conformal prediction (Vovk et al. 2005, ch. 4) with the score max_d error_d / scale_d, scale_d the 99th
-    percentile of disk d: the bound is scale_d times the ceil((n + 1)(1 - alpha))-th smallest score.
+    percentile of disk d. The score that fresh cases may reach is chosen such that the promise holds with 99 %
+    confidence in the draw of the calibration cases (Vovk 2012, prop. 2a), not only on average over such draws.
 
     Args:
         errors: Shape (n, d), m, of cases that took no part in the training.
@@ -72,15 +75,15 @@ def conformal_bound(errors: FloatArray, alpha: float) -> FloatArray:
     Returns:
         Shape (d,), m.
     """
+    beyond = int(binom.ppf(1.0 - CONFIDENCE, len(errors), alpha)) - 1
+    if beyond < 0:
+        raise ValueError(f"alpha = {alpha:g} needs more than {len(errors)} cases")
     scale = np.quantile(errors, 0.99, axis=0)
     counted = scale > 0.0
     scores = np.zeros(len(errors))
     if counted.any():
         scores = (errors[:, counted] / scale[counted]).max(axis=1)
-    rank = int(np.ceil((len(errors) + 1) * (1.0 - alpha)))
-    if rank > len(errors):
-        raise ValueError(f"alpha = {alpha:g} needs more than {len(errors)} cases")
-    return np.asarray(scale * np.sort(scores)[rank - 1])
+    return np.asarray(scale * np.sort(scores)[-1 - beyond])
 
 
 def calibrate_bound(robot: RobotSpec, predict: Predict, samples: list[SolvedCases], alpha: float) -> ErrorBound:
@@ -96,7 +99,7 @@ def calibrate_bound(robot: RobotSpec, predict: Predict, samples: list[SolvedCase
     for solved in samples:
         positions, rotations, residual = predict(solved.cases)
         bounds.append(conformal_bound(body_errors(robot, positions, rotations, solved), alpha))
-        residuals.append(np.linalg.norm(residual, axis=1))
+        residuals.append(residual)
     largest = float(np.max(np.concatenate(residuals)))
     return ErrorBound(
         alpha=alpha,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,6 +13,8 @@ from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import Domain
 
 Count = Annotated[int, Field(ge=1)]
+CONFIDENCE = 0.99
+"""With which the error bound holds, over the draw of its calibration cases."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -133,8 +136,10 @@ class BoundSettings(FileModel):
 
     @model_validator(mode="after")
     def _check_cases(self) -> BoundSettings:
-        if (self.cases + 1) * self.alpha < 1.0:
-            raise ValueError(f"alpha = {self.alpha:g} needs at least {int(1.0 / self.alpha)} cases, got {self.cases}")
+        # The largest of n errors bounds a share alpha with confidence 1 - (1 - alpha)^n.
+        needed = math.ceil(math.log(1.0 - CONFIDENCE) / math.log(1.0 - self.alpha)) + 1
+        if self.cases < needed:
+            raise ValueError(f"alpha = {self.alpha:g} needs at least {needed} cases, got {self.cases}")
         return self
 
 

@@ -320,7 +320,7 @@ def _torch_predictor(network: nn.Module) -> Predict:
         inputs = (torch.as_tensor(array) for array in (cases.tensions, cases.gravity, cases.tip_force))
         with torch.no_grad():
             positions, rotations = network(*inputs)
-        return positions.numpy(), rotations.numpy(), np.full((len(cases), 3), np.nan)
+        return positions.numpy(), rotations.numpy(), np.full(len(cases), np.nan)
 
     return predict
 

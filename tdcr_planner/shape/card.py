@@ -54,7 +54,8 @@ class ErrorBound(FileModel):
     """A bound on the error of every disk at once, by split conformal prediction (Vovk et al. 2005, ch. 4).
 
     Attributes:
-        alpha: A fresh case of either sample exceeds the bound at some disk with at most this probability.
+        alpha: A fresh case of either sample exceeds the bound at some disk with at most this probability, with 99 %
+            confidence.
         cases: Calibration cases of each sample; the larger of the two bounds is stated.
         disk_m: Bound of each disk: centre error plus disk radius times the rotation's chord.
         residual_limit_nm: A case that leaves a larger moment at the tip counts as not solved; None for no limit.

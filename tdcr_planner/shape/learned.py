@@ -104,7 +104,7 @@ class LearnedShape:
         positions, rotations, residual = self._function(
             np.ascontiguousarray(tensions), np.ascontiguousarray(gravity), np.ascontiguousarray(tip_force)
         )
-        return DiskPoses(positions, rotations, self._solved(residual))
+        return DiskPoses(positions, rotations, residual <= self._residual_limit)
 
     def poses_at(
         self,
@@ -135,7 +135,7 @@ class LearnedShape:
         positions, rotations, residual = self._function.with_constants(
             constants, *self._check(tensions, gravity, tip_force)
         )
-        return DiskPoses(positions[:, columns], rotations[:, columns], self._solved(residual))
+        return DiskPoses(positions[:, columns], rotations[:, columns], residual <= self._residual_limit)
 
     def residual(
         self, tensions: ArrayLike, *, gravity: ArrayLike | None = None, tip_force: ArrayLike | None = None
@@ -143,10 +143,7 @@ class LearnedShape:
         """Returns the moment that each shape leaves unbalanced at the tip (residual of the cut form), (n,), N m."""
         if self._function is None:
             raise InputError("residual", "a model with the `shooting` network", f"network {self.card.network!r}")
-        return np.linalg.norm(self._function(*self._check(tensions, gravity, tip_force))[2], axis=1)
-
-    def _solved(self, residual: FloatArray) -> BoolArray:
-        return np.asarray(np.einsum("ni,ni->n", residual, residual) <= self._residual_limit**2)
+        return self._function(*self._check(tensions, gravity, tip_force))[2]
 
     def _check(
         self, tensions: ArrayLike, gravity: ArrayLike | None, tip_force: ArrayLike | None
@@ -238,7 +235,9 @@ def _read_archive(path: Path) -> tuple[ModelCard, ShootingWeights | None]:
                 raise FormatError(path, "is damaged: its checksum is wrong", broken)
             names = {name.split("/extra/", 1)[1]: name for name in archive.namelist() if "/extra/" in name}
             if CARD_FILE not in names:
-                raise FormatError(path, "is not a shape model, or is truncated: it holds no card; make one with `tdcr train`")
+                raise FormatError(
+                    path, "is not a shape model, or is truncated: it holds no card; make one with `tdcr train`"
+                )
             content = json.loads(archive.read(names[CARD_FILE]))
             weights = archive.read(names[WEIGHTS_FILE]) if WEIGHTS_FILE in names else None
     except FileNotFoundError as error:

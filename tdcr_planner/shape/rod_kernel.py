@@ -34,7 +34,7 @@ _THREE = 81  # tensions of the three tendons at hand
 _TENSION = 84  # tensions, one row a tendon
 WORK_ROWS = _TENSION
 
-SETTLING = 6  # sweeps that settle the tendon sums to rounding: each shrinks the error by about (u_z r)^2
+SETTLING = 3  # sweeps that settle the tendon sums: each shrinks their error by about (u_z r)^2, 1e-3 or less
 _DIFFERENCE = 1e-7  # N m
 
 

@@ -49,7 +49,7 @@ class ShootingFunction:
     def __call__(
         self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Returns positions (n, d, 3) m, rotations (n, d, 3, 3), and the moment left over at the tip (n, 3), N m.
+        """Returns positions (n, d, 3) m, rotations (n, d, 3, 3), and the moment left over at the tip (n,), N m.
 
         That moment is the residual of the cut form: how far the poses are from equilibrium.
 
@@ -66,7 +66,7 @@ class ShootingFunction:
         """The same for constants with other stops along the rod: poses at each stop instead of at each disk."""
         count, stops = len(tensions), len(constants.gaps) + 1
         positions, rotations = np.empty((count, stops, 3)), np.empty((count, stops, 3, 3))
-        residual = np.empty((count, 3))
+        residual = np.empty(count)
         _predict(
             constants.gaps,
             constants.first_tendon,
@@ -155,12 +155,14 @@ def _correct_and_shoot(  # type: ignore[no-untyped-def]
             last = correction == corrections
             shoot(work, gaps, first_tendon, offsets, last, positions, rotations, start, count, side_by_side)
             for lane in range(count):
+                square = 0.0
                 for row in range(3):
                     left_over = work[(STATE + row) * lanes + lane]
-                    residual[start + lane, row] = left_over
+                    square += left_over * left_over
                     if not last:
                         for entry in range(3):
                             moment[start + lane, entry] -= inverse[start + lane, 3 * entry + row] * left_over
+                residual[start + lane] = np.sqrt(square)
         start += count
 
 

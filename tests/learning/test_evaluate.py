@@ -28,7 +28,7 @@ epochs = 2
 batch_size = 100
 [bound]
 alpha = 0.01
-cases = 200
+cases = 500
 """
 
 

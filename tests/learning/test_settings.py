@@ -36,7 +36,7 @@ def test_values_are_read_and_paths_start_at_the_file(tmp_path):
         ("[loss]\nphysics = 0.0\nreference = 0.0\n", ["loss", "nothing would be learned"]),
         ("[loss]\nmeasured = 1.0\n", ["[measured]"]),
         ('[measured]\nfile = "a.csv"\n', ["loss.measured"]),
-        ("[bound]\ncases = 100\n", ["bound", "at least 1000"]),
+        ("[bound]\ncases = 100\n", ["bound", "at least 4604"]),
         ('network = "deep"\n', ["network", "shooting"]),
         ('format = "tdcr-train/2"\n', ["format"]),
         ("[paper.weights]\nposition = -1.0\n", ["paper.weights.position"]),
