@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import ellipe, ellipk
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -272,10 +273,14 @@ def test_a_slightly_crooked_column_buckles_sideways(robot_of: Callable[..., Robo
     force = np.array([1e-4, 0.0, -1.293]) * critical
     solution = solve_statics(robot, np.zeros((1, 3)), tip_force=force)
     assert solution.status[0] == SolveStatus.CONVERGED
-    # Timoshenko and Gere, Theory of Elastic Stability, table 2-4: at P / Pcr = 1.293 the tip angle is 80 degrees,
-    # x / l = 0.560, y / l = 0.719. The side force adds to it, by less than 1e-3.
-    np.testing.assert_allclose(solution.positions[0, -1, 2] / 0.2, 0.560, atol=1.5e-3)
-    np.testing.assert_allclose(solution.positions[0, -1, 0] / 0.2, 0.719, atol=1.5e-3)
+    # The elastica in elliptic integrals of k = sin(tip angle / 2) (Timoshenko and Gere, Theory of Elastic Stability,
+    # section 2.7): P / Pcr = (2 K / pi)^2, x / l = 2 E / K - 1, y / l = 2 k / K. A tip angle of 80 degrees belongs to
+    # P / Pcr = 1.2939. The side force and the rounding of P add to it, by less than 1.5e-3.
+    modulus = np.sin(np.deg2rad(40.0))
+    first, second = ellipk(modulus**2), ellipe(modulus**2)
+    assert (2.0 * first / np.pi) ** 2 == pytest.approx(1.2939, abs=1e-4)
+    np.testing.assert_allclose(solution.positions[0, -1, 2] / 0.2, 2.0 * second / first - 1.0, atol=1.5e-3)
+    np.testing.assert_allclose(solution.positions[0, -1, 0] / 0.2, 2.0 * modulus / first, atol=1.5e-3)
 
 
 def test_a_branch_that_ends_says_so(robot_of: Callable[..., RobotSpec]) -> None:
