@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.special import ellipe, ellipk
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.special import ellipe, ellipk
 
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec, load_robot
