@@ -13,6 +13,10 @@ from tdcr_planner.shape.rod_kernel import EIGHT, FAST_MATH, SIXTEEN, STATE, WORK
 
 Float32Array = NDArray[np.float32]
 
+# OpenBLAS hands products of more multiplications than 2^18 to several threads, which wait for each other longer than
+# they work here, and far longer where cores are busy.
+_ONE_THREAD = 200_000
+
 
 @dataclass(frozen=True)
 class ShootingWeights:
@@ -44,6 +48,8 @@ class ShootingFunction:
         biases = [weights.features[:, -1], *weights.biases]
         self._matrices = tuple(np.ascontiguousarray(matrix.T, dtype=np.float32) for matrix in matrices)
         self._biases = tuple(np.ascontiguousarray(bias, dtype=np.float32) for bias in biases)
+        widest = max(max(matrix.shape) for matrix in self._matrices)
+        self._block = max(16, _ONE_THREAD // widest**2)
         self._load_scale = np.ascontiguousarray(weights.load_scale, dtype=np.float32)
 
     def __call__(
@@ -75,6 +81,7 @@ class ShootingFunction:
             self._matrices,
             self._biases,
             self._load_scale,
+            self._block,
             self._corrections,
             tensions,
             gravity,
@@ -175,6 +182,7 @@ def _predict(  # type: ignore[no-untyped-def]
     matrices,
     biases,
     load_scale,
+    block,
     corrections,
     tensions,
     gravity,
@@ -186,7 +194,18 @@ def _predict(  # type: ignore[no-untyped-def]
     """Sixteen lanes are the fastest for many shapes, eight for up to eight."""
     cases = len(tensions)
     moment, inverse = np.empty((cases, 3)), np.empty((cases, 9))
-    _evaluate_network(matrices, biases, load_scale, tensions, gravity, tip_force, moment, inverse)
+    for start in range(0, cases, block):
+        stop = min(start + block, cases)
+        _evaluate_network(
+            matrices,
+            biases,
+            load_scale,
+            tensions[start:stop],
+            gravity[start:stop],
+            tip_force[start:stop],
+            moment[start:stop],
+            inverse[start:stop],
+        )
     wide = cases // 16 * 16
     if cases - wide > 8:
         wide = cases
