@@ -49,7 +49,7 @@ class VerificationReport:
         positions: Reference disk centres, shape (k, d, 3), m, world frame.
         rotations: world_from_disk, shape (k, d, 3, 3).
         model_positions: Disk centres by the shape model, shape (k, d, 3), m, world frame; None without one.
-        cause: "", "statics", "limits", "goal", "jump" or "clearance".
+        cause: "", "statics", "limits", "self_collision", "goal", "jump" or "clearance".
         worst_state: Index of the state that failed, or of the smallest clearance.
     """
 
@@ -99,6 +99,7 @@ class SolvedStates:
         residual: Shape (k,), N m.
         strain: Largest bending strain of each segment's backbone, shape (k, segments).
         clearance: Shape (k,), m; NaN where there is no shape.
+        touches_itself: Whether the body, grown by half a step, touches itself, shape (k,).
         positions: Disk centres, shape (k, d, 3), m, world frame.
         rotations: world_from_disk, shape (k, d, 3, 3).
         halvings: How often the gap behind each state has been halved below the step, shape (k,).
@@ -113,6 +114,7 @@ class SolvedStates:
     residual: FloatArray
     strain: FloatArray
     clearance: FloatArray
+    touches_itself: BoolArray
     positions: FloatArray
     rotations: FloatArray
     halvings: IntArray
@@ -176,6 +178,8 @@ class Verifier:
         self.clearance = clearance
         self.model = model
         self._robot: RobotSpec = space.robot
+        # Between two states either of two parts strays by at most half a step from its nearer state.
+        self._grown_scene = scene.with_margins(np.full(space.robot.disk_count, 0.5 * step))
 
     def verify(
         self, rows: FloatArray, goals: Sequence[tuple[int, Goal]] = ()
@@ -209,7 +213,8 @@ class Verifier:
     def judge_each(self, rows: FloatArray) -> tuple[BoolArray, SolvedStates]:
         """Returns which states the reference accepts by themselves, shape (k,), and the states it solved.
 
-        What lies between them is not judged: the rows may be any configurations, shape (k, dimension).
+        What lies between them is not judged, nor self-collision: the rows may be any configurations, shape
+        (k, dimension).
         """
         states = self._solve(rows)
         clear = np.nan_to_num(states.clearance, nan=-np.inf) >= self.clearance
@@ -224,8 +229,10 @@ class Verifier:
         positions = transform_points(actuation.base_rotations, actuation.base_positions, solution.positions)
         rotations = actuation.base_rotations[:, None] @ solution.rotations
         clearance = np.full(len(rows), np.nan)
+        touches_itself = np.zeros(len(rows), dtype=np.bool_)
         if converged.any():
             clearance[converged] = self.scene.clearance(positions[converged], rotations[converged])
+            touches_itself[converged] = self._grown_scene.touches_itself(positions[converged], rotations[converged])
         return SolvedStates(
             rows=rows,
             tensions=actuation.tensions,
@@ -235,6 +242,7 @@ class Verifier:
             residual=solution.residual,
             strain=largest_bending_strain(self._robot, solution),
             clearance=clearance,
+            touches_itself=touches_itself,
             positions=positions,
             rotations=rotations,
             halvings=np.zeros(len(rows), dtype=np.int64),
@@ -259,6 +267,7 @@ class Verifier:
             (~states.converged, "statics", "the reference did not converge"),
             (states.converged & ~states.stable, "statics", "the reference shape is not stable"),
             (~self._in_limits(states), "limits", "a limit on tension, tendon displacement or strain is exceeded"),
+            (states.touches_itself, "self_collision", "the robot comes within half a step of itself"),
         ):
             if failing.any():
                 state = int(np.argmax(failing))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -97,3 +98,11 @@ def make_scenario(write_scenario: Callable[[dict[str, Any]], Path]) -> Callable[
         return load_scenario(write_scenario({**base_table(robot), **changes}))
 
     return make
+
+
+@pytest.fixture
+def as_in_a_terminal() -> Iterator[None]:
+    """Lets Ctrl-C raise, as it does in a terminal: a test run in the background inherits an ignored SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

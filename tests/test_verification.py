@@ -21,9 +21,17 @@ class WallScene:
 
     place: float
     radius: float = 0.01
+    knot: float = -np.inf
 
     def clearance(self, positions: FloatArray, rotations: FloatArray) -> FloatArray:
         return np.asarray(self.place - self.radius - positions[:, 1:, 0].max(axis=1))
+
+    def with_margins(self, margins: FloatArray) -> WallScene:
+        return WallScene(self.place, self.radius + float(margins[0]), self.knot)
+
+    def touches_itself(self, positions: FloatArray, rotations: FloatArray) -> BoolArray:
+        """Calls a body knotted whose tip, grown by the margins, comes beside its base plane's height `knot`."""
+        return np.asarray(positions[:, -1, 2] - self.radius < self.knot)
 
 
 @pytest.fixture
@@ -129,6 +137,17 @@ def test_loads_beyond_buckling_are_not_verified(verifier_at: Callable[..., Verif
     report, _ = verifier_at(1.0, tip_force_n=[0.0, 0.0, -0.5]).verify(np.zeros((2, 2)))
     assert not report.verified
     assert report.cause == "statics"
+
+
+def test_a_robot_that_comes_too_near_to_itself_is_not_verified(verifier_at: Callable[..., Verifier]) -> None:
+    lowest = verifier_at(1.0).verify(PATH)[0].positions[-1, -1, 2]
+    for knot, verified in ((lowest - 0.0111, True), (lowest - 0.0109, False)):
+        verifier = verifier_at(1.0)
+        scene = WallScene(1.0, knot=knot)
+        # The step is 2 mm: half of it, 1 mm, is added to the radius of 10 mm.
+        report, _ = Verifier(verifier.space, scene, step=0.002, clearance=0.0).verify(PATH)  # type: ignore[arg-type]
+        assert report.verified == verified
+        assert report.cause == ("" if verified else "self_collision")
 
 
 def test_tip_goals_are_judged_by_the_reference(verifier_at: Callable[..., Verifier]) -> None:

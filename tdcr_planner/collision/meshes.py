@@ -167,11 +167,27 @@ def load_scene_mesh(
         InputError: Unknown unit or role, entry without normal, or an entry for an obstacle.
         FormatError: The file is missing, unreadable, empty or not finite, or it cannot serve in its role.
     """
+    vertices, faces = read_triangles(path, unit)
     file = Path(path)
+    return _build_mesh(file.name, vertices, faces, role, entry_point, entry_normal, file)
+
+
+def read_triangles(path: str | Path, unit: str) -> tuple[FloatArray, IntArray]:
+    """Returns the vertices, shape (v, 3), m, and faces, shape (f, 3), that a mesh file holds, as they stand in it.
+
+    Args:
+        path: The mesh file, in any format that trimesh reads.
+        unit: The file's unit of length: m, cm, mm or in.
+
+    Raises:
+        InputError: Unknown unit.
+        FormatError: The file is missing or unreadable.
+    """
     if unit not in METRES_PER_UNIT:
         raise InputError(
             "unit", f"the mesh file's unit of length; {nearest_name(str(unit), METRES_PER_UNIT)}", repr(unit)
         )
+    file = Path(path)
     if not file.exists():
         raise FormatError(path, "no such file")
     if file.is_dir():
@@ -182,7 +198,7 @@ def load_scene_mesh(
         faces = np.asarray(loaded.faces, dtype=np.int64)
     except Exception as error:  # the readers behind trimesh raise whatever their parsers do
         raise FormatError(path, f"cannot be read as a mesh: {type(error).__name__}: {error}") from error
-    return _build_mesh(file.name, vertices * METRES_PER_UNIT[unit], faces, role, entry_point, entry_normal, file)
+    return vertices * METRES_PER_UNIT[unit], faces
 
 
 def _build_mesh(

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tdcr_planner.arrays import FloatArray
+from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.collision.body import RobotBody, place_solids
 from tdcr_planner.collision.clearance import clearances
 from tdcr_planner.collision.containment import make_side, wrong_part
@@ -265,6 +265,22 @@ class CollisionScene:
         best[finite] = measured
         best[~finite] = -np.inf
         return best
+
+    def touches_itself(self, positions: ArrayLike, rotations: ArrayLike) -> BoolArray:
+        """Returns which states' bodies, margins included, touch themselves, shape (n,), whatever the meshes say.
+
+        Args:
+            positions: Disk centres, shape (n, d, 3), m, world frame.
+            rotations: world_from_disk, shape (n, d, 3, 3).
+        """
+        points, frames = self._check_poses(positions, rotations)
+        codes, near = np.empty(len(points), dtype=np.int8), np.empty(len(points), dtype=np.bool_)
+        screen(self.body.arrays, self._self_pairs, points, frames, UNDEFINED_CODE, codes, near)
+        touching = np.zeros(len(points), dtype=np.bool_)
+        for row in np.flatnonzero(near & (codes == 0)).tolist():
+            self._objects.start(*place_solids(self.body.arrays, points[row], frames[row]))
+            touching[row] = self._self_contact(points[row]) is not None
+        return touching
 
     def _self_contact(self, positions: FloatArray) -> tuple[int, int] | None:
         """Returns two parts that touch, or None; the state's solids must be placed."""

@@ -17,7 +17,6 @@ from tdcr_planner.se3 import rotation_from_quaternion
 
 Bending = tuple[tuple[float, float], ...]
 Validity = Literal["learned", "reference", "constant_curvature"]
-METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 
 
 def _check_direction(direction: Vector3 | None) -> Vector3 | None:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.collision.meshes import read_triangles
 from tdcr_planner.errors import FormatError
-from tdcr_planner.planning.scenario import METRES_PER_UNIT, Scenario
+from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import transform_points
@@ -206,12 +206,7 @@ def load_display_meshes(scenario: Scenario) -> tuple[DisplayMesh, ...]:
     meshes = []
     for entry in scenario.file.meshes:
         file = scenario.resolve(entry.file)
-        try:
-            mesh = trimesh.load(file, force="mesh")
-            vertices = np.asarray(mesh.vertices, dtype=np.float64) * METRES_PER_UNIT[entry.unit]
-            faces = np.asarray(mesh.faces, dtype=np.int64)
-        except Exception as error:  # the readers behind trimesh raise whatever their parsers do
-            raise FormatError(file, f"cannot be read as a mesh: {type(error).__name__}: {error}") from error
+        vertices, faces = read_triangles(file, entry.unit)
         if not len(faces) or not np.isfinite(vertices).all():
             raise FormatError(file, "holds no triangles" if not len(faces) else "holds a vertex that is not finite")
         meshes.append(DisplayMesh(file.name, entry.role, vertices, faces))

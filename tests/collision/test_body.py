@@ -124,6 +124,7 @@ def test_a_robot_that_comes_back_to_itself_is_found(paper):
         positions, rotations = _arc(paper, turns * 2 * np.pi / paper.length)
         verdicts.append(scene.check(positions[None], rotations[None])[0])
         contacts.append(scene.first_contact(positions, rotations))
+        assert scene.touches_itself(positions[None], rotations[None])[0] == (verdicts[-1] == Verdict.SELF)
     assert verdicts == [Verdict.FREE, Verdict.FREE, Verdict.SELF]
     assert contacts[1] is None
     assert contacts[2].mesh == "robot"

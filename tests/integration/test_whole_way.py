@@ -87,7 +87,7 @@ def test_a_result_whose_path_was_tampered_with_is_not_verified(elbow: Path, tmp_
 
 
 def test_the_same_seed_gives_the_same_path_and_another_one_another() -> None:
-    session = PlanningSession(load_scenario(ROOT / "scenes/duct/scenario_elbow.toml"))
+    session = PlanningSession(load_scenario(ROOT / "scenes/duct/scenario_narrowing.toml"))
     paths = [session.plan(session.scenario.with_planner(seed=seed)).path for seed in (3, 3, 4)]
     assert all(path is not None for path in paths)
     first, again, other = (path for path in paths if path is not None)

@@ -96,7 +96,7 @@ def test_an_exception_in_a_callback_ends_the_search_and_comes_out(make_setup, na
 
 
 @pytest.mark.parametrize("name", PLANNERS)
-def test_ctrl_c_ends_the_search(make_setup, name):
+def test_ctrl_c_ends_the_search(make_setup, name, as_in_a_terminal):
     setup = make_setup(boxes=POST, planner={"name": name, "step_m": 0.02}, **AROUND)
     ask = setup.scene.check
     calls = []

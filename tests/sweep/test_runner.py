@@ -57,7 +57,7 @@ def test_progress_counts_up_to_the_total(suite, fake_jobs, tmp_path):
     assert told[-1][2] == "second.toml verified"
 
 
-def test_ctrl_c_keeps_what_had_finished(suite, fake_jobs, tmp_path):
+def test_ctrl_c_keeps_what_had_finished(suite, fake_jobs, tmp_path, as_in_a_terminal: None):
     outcome = run_sweep(suite, tmp_path / "out", local_backend(1), function=fake_jobs.wait_for_ctrl_c)
     assert outcome.interrupted == "interrupted"
     assert sorted(outcome.records) == [0, 1]
