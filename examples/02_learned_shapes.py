@@ -32,9 +32,9 @@ def main() -> None:
     reference = solve_statics(robot, tensions, gravity=gravity)
     reference_s = time.perf_counter() - begin
 
-    error = 1e3 * np.linalg.norm(learned.positions - reference.positions, axis=2)[reference.converged]
-    print(f"position error over all disks: median {np.median(error):.3f} mm, 99 % {np.quantile(error, 0.99):.3f} mm")
-    print(f"bound of the card at the tip:  {1e3 * model.error_bound[-1]:.3f} mm")
+    error = 1e6 * np.linalg.norm(learned.positions - reference.positions, axis=2)[reference.converged]
+    print(f"position error over all disks: median {np.median(error):.2f} um, 99 % {np.quantile(error, 0.99):.1f} um")
+    print(f"bound that the planner adds to the tip: {1e6 * model.error_bound[-1]:.0f} um")
     print(f"time a shape: learned {1e3 * learned_s:.1f} us, reference {1e3 * reference_s:.0f} us")
 
 
