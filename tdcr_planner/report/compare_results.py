@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from tdcr_planner.planning.validity import CAUSES
 from tdcr_planner.rates import quantiles, ratio_at_least
 from tdcr_planner.report.compare_plots import write_compare_plots
 from tdcr_planner.report.disagreement import write_disagreements
+from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.tables import Row, write_csv
 from tdcr_planner.session import library_versions
 
@@ -53,7 +53,7 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
                 write_csv(rows, list(rows[0]), staging / f"{name}.csv")
         write_compare_plots(comparison, staging)
         content["pictures"] = write_disagreements(comparison, staging)
-        text = json.dumps(_plain(content), indent=1, allow_nan=False)
+        text = json.dumps(plain_json(content), indent=1, allow_nan=False)
         (staging / "compare.json").write_text(text + "\n", encoding="utf-8")
     return Path(folder) / "compare.json"
 
@@ -208,16 +208,3 @@ def coordinate_names(comparison: Comparison) -> list[str]:
     ]
     names += ["insertion_m"] if base.insertion_m is not None else []
     return names + (["roll_rad"] if base.roll_deg is not None else [])
-
-
-def _plain(value: Any) -> Any:
-    """Returns a value as JSON has it: arrays as lists, numbers that are not finite as None."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

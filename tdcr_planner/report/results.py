@@ -15,6 +15,7 @@ from tdcr_planner.errors import FormatError
 from tdcr_planner.files import FileModel, parse_table, read_json, sha256_of_file, write_folder_whole
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import PlannerSettings, Scenario, load_scenario
+from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.state_files import read_shapes, write_shapes, write_trajectory_csv
 from tdcr_planner.session import PlanResult, PlanStatus
 from tdcr_planner.verification import VerificationReport
@@ -145,7 +146,7 @@ def result_content(result: PlanResult, folder: Path) -> dict[str, Any]:
         if result.verification is None
         else _verification_content(result.verification, result.repairs),
     }
-    plain = _plain(content)
+    plain = plain_json(content)
     assert isinstance(plain, dict)  # a dictionary stays one
     return plain
 
@@ -193,23 +194,6 @@ def _verification_content(report: VerificationReport, repairs: int) -> dict[str,
         "deviation_m": report.deviation,
         "clearance_m": report.clearance,
     }
-
-
-def _plain(value: Any) -> Any:
-    """Returns a value as JSON has it: arrays as lists, numbers that are not finite as None."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def read_result(path: str | Path) -> PlanResult:
