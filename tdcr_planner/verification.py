@@ -18,6 +18,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.scene import CollisionScene
 from tdcr_planner.planning.scenario import Goal
 from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.planning.validity import disk_reaches
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import transform_points
 from tdcr_planner.shape.base import ShapeModel
@@ -326,8 +327,7 @@ class Verifier:
         """
         shift = np.linalg.norm(np.diff(positions, axis=0), axis=2)
         chord = np.linalg.norm(np.diff(rotations, axis=0), axis=(2, 3)) / np.sqrt(2.0)
-        reach = np.hypot(self._robot.disk_radii, 0.5 * self._robot.disk_thicknesses)
-        return np.asarray((shift + reach * chord).max(axis=1))
+        return np.asarray((shift + disk_reaches(self._robot) * chord).max(axis=1))
 
     def _report(self, states: SolvedStates, failure: _Failure | None) -> VerificationReport:
         if failure is None:
