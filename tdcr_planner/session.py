@@ -5,82 +5,45 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from enum import StrEnum
-from functools import cache
-from importlib.metadata import version
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.attempt import RULED_OUT_M, Attempt
 from tdcr_planner.collision.body import RobotBody, Shaft
-from tdcr_planner.collision.meshes import SceneMesh, load_scene_mesh
 from tdcr_planner.collision.scene import CollisionScene
 from tdcr_planner.errors import InputError
 from tdcr_planner.planning.edges import EdgeChecker
-from tdcr_planner.planning.ompl_planner import Progress, SearchOutcome, SearchStatus, search
+from tdcr_planner.planning.ompl_planner import Progress, SearchOutcome, search
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import Goal, Scenario, Validity
+from tdcr_planner.planning.scene import differences, load_scene_meshes, scene_facts, scene_files
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.timing import path_times
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
+from tdcr_planner.result import PlanResult, PlanStatus, library_versions
 from tdcr_planner.shape.base import ShapeModel
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 from tdcr_planner.shape.reference import ReferenceShape
-from tdcr_planner.verification import SolvedStates, VerificationReport, Verifier
+from tdcr_planner.solved_states import SolvedStates
+from tdcr_planner.verification import VerificationReport, Verifier
 
-# What a repair adds to the shortfall that verification has measured, and the reach of a state that it rules out.
-REPAIR_MARGIN_M = 2e-4
-RULED_OUT_M = 5e-3
+__all__ = [
+    "PlanResult",
+    "PlanStatus",
+    "PlanningSession",
+    "library_versions",
+    "load_scene_meshes",
+    "plan",
+    "verify",
+]
+
 # Part of the time limit that the search leaves to verification, and its most.
 VERIFY_SHARE = 0.2
 VERIFY_RESERVE_S = 1.0
-LIBRARIES = ("tdcr-planner", "numpy", "scipy", "numba", "torch", "ompl", "python-fcl", "trimesh")
 
 logger = logging.getLogger(__name__)
-
-
-class PlanStatus(StrEnum):
-    """How a query ended."""
-
-    VERIFIED = "verified"
-    UNVERIFIED = "unverified"
-    NO_PATH = "no_path"
-    INVALID_START = "invalid_start"
-    INVALID_GOAL = "invalid_goal"
-
-
-@dataclass(frozen=True)
-class PlanResult:
-    """The answer to a query.
-
-    Attributes:
-        status: How it ended.
-        message: The same for a person: what was reached or what failed and where.
-        scenario: The query.
-        seed: The seed used.
-        path: The states found, or None.
-        verification: The reference's report on the path, or None without a path.
-        repairs: How often verification sent the search back.
-        timings_s: Seconds: load, plan, verify, total.
-        planner: name, iterations or vertices, states_checked, edges_checked, rejected (a count a cause).
-        hashes: SHA-256 of scenario, robot mechanics and shape model.
-        versions: Versions of the libraries involved.
-    """
-
-    status: PlanStatus
-    message: str
-    scenario: Scenario
-    seed: int
-    path: TensionPath | None
-    verification: VerificationReport | None
-    repairs: int = 0
-    timings_s: dict[str, float] = field(default_factory=dict)
-    planner: dict[str, Any] = field(default_factory=dict)
-    hashes: dict[str, str] = field(default_factory=dict)
-    versions: dict[str, str] = field(default_factory=dict)
 
 
 class PlanningSession:
@@ -101,6 +64,8 @@ class PlanningSession:
             RobotMismatchError: The shape model was made for another robot.
         """
         self.scenario = scenario
+        self._files = scene_files(scenario)
+        self._facts = scene_facts(scenario, self._files)
         self.space = ConfigurationSpace(scenario)
         self.meshes = load_scene_meshes(scenario)
         self.scene = CollisionScene(self.meshes, self._body(np.zeros(scenario.robot.disk_count)))
@@ -187,33 +152,40 @@ class PlanningSession:
             InputError: The scenario is of another scene, or its planner is not offered.
         """
         query = self._check_same_scene(scenario or self.scenario)
-        settings = query.planner
         started = time.monotonic()
-        deadline = started + settings.time_limit_s
-        attempt = _Attempt(query)
+        deadline = started + query.planner.time_limit_s
+        attempt = Attempt(query)
         while True:
             begin = time.monotonic()
-            checker = self.checker(query, extra_margin=attempt.extra_margin)
-            for row in attempt.ruled_out:
-                checker.rule_out(row, RULED_OUT_M)
-            left = deadline - begin
-            limit = max(left - min(VERIFY_SHARE * left, VERIFY_RESERVE_S), 0.01)
-            seed = settings.seed + attempt.repairs
-            outcome = search(query, self.space, checker, time_limit_s=limit, seed=seed, progress=progress)
-            attempt.plan_s += time.monotonic() - begin
-            attempt.add(outcome)
-            if outcome.rows is None:
+            checker = self._attempt_checker(attempt)
+            outcome = self._search(attempt, checker, deadline - begin, progress)
+            attempt.add_search(outcome, time.monotonic() - begin)
+            if not outcome.found:
                 break
             begin = time.monotonic()
             rows, goals = self.path_states(query, checker, outcome)
-            attempt.report, attempt.states = self.verifier(query).verify(rows, goals)
-            attempt.order = outcome.order
-            attempt.verify_s += time.monotonic() - begin
-            if attempt.report.verified or time.monotonic() >= deadline:
+            report, states = self.verifier(query).verify(rows, goals)
+            attempt.add_verification(report, states, time.monotonic() - begin)
+            if report.verified or time.monotonic() >= deadline:
                 break
-            logger.info("repair %d: %s", attempt.repairs + 1, attempt.report.message)
-            attempt.learn(settings.clearance_m)
+            logger.info("repair %d: %s", attempt.repairs + 1, report.message)
+            attempt.learn()
         return self._result(attempt, load_s, time.monotonic() - started)
+
+    def _attempt_checker(self, attempt: Attempt) -> ValidityChecker:
+        checker = self.checker(attempt.query, extra_margin=attempt.extra_margin)
+        for row in attempt.ruled_out:
+            checker.rule_out(row, RULED_OUT_M)
+        return checker
+
+    def _search(
+        self, attempt: Attempt, checker: ValidityChecker, left_s: float, progress: Progress | None
+    ) -> SearchOutcome:
+        """Searches within the time left, of which verification keeps its share."""
+        query = attempt.query
+        limit = max(left_s - min(VERIFY_SHARE * left_s, VERIFY_RESERVE_S), 0.01)
+        seed = query.planner.seed + attempt.repairs
+        return search(query, self.space, checker, time_limit_s=limit, seed=seed, progress=progress)
 
     def path_states(
         self, query: Scenario, checker: ValidityChecker, outcome: SearchOutcome
@@ -232,12 +204,10 @@ class PlanningSession:
         return np.concatenate(parts), goals
 
     def _check_same_scene(self, query: Scenario) -> Scenario:
-        mine, other = self.scenario.file, query.file
-        for name in ("meshes", "base", "gravity_m_s2", "tip_force_n", "shape_model"):
-            if getattr(mine, name) != getattr(other, name):
-                raise InputError("scenario", f"the session's own {name}", f"another {name} in {query.path}")
-        if query.robot != self.scenario.robot:
-            raise InputError("scenario", f"the session's robot {self.scenario.robot.name!r}", repr(query.robot.name))
+        """Returns the scenario if its scene is the session's: files count by what they hold, not by their paths."""
+        problems = differences(self._facts, scene_facts(query, self._files))
+        if problems:
+            raise InputError("scenario", "one in the session's scene", f"{query.path}, which differs: {problems[0]}")
         return query
 
     def tension_path(self, query: Scenario, states: SolvedStates, order: Sequence[int]) -> TensionPath:
@@ -269,7 +239,7 @@ class PlanningSession:
             columns.append(path.roll[:, None])
         return np.concatenate(columns, axis=1)
 
-    def _result(self, attempt: _Attempt, load_s: float, spent_s: float) -> PlanResult:
+    def _result(self, attempt: Attempt, load_s: float, spent_s: float) -> PlanResult:
         status, message = attempt.verdict()
         query = attempt.query
         model = self.model(query.planner.validity)
@@ -294,100 +264,6 @@ class PlanningSession:
             hashes=hashes,
             versions=library_versions(),
         )
-
-
-@dataclass
-class _Attempt:
-    """What a query has come to so far, repairs included."""
-
-    query: Scenario
-    outcome: SearchOutcome | None = None
-    report: VerificationReport | None = None
-    states: SolvedStates | None = None
-    order: tuple[int, ...] = ()
-    repairs: int = 0
-    extra_margin: float = 0.0
-    ruled_out: list[FloatArray] = field(default_factory=list)
-    plan_s: float = 0.0
-    verify_s: float = 0.0
-    statistics: dict[str, Any] = field(default_factory=dict)
-
-    def add(self, outcome: SearchOutcome) -> None:
-        """Takes a search's outcome and adds its counts to those of the searches before."""
-        self.outcome = outcome
-        self.statistics = _add_counts(self.statistics, outcome.statistics)
-
-    def learn(self, clearance: float) -> None:
-        """Takes from a failed verification what the next search must do otherwise."""
-        assert self.report is not None  # called after a verification
-        assert self.states is not None
-        self.repairs += 1
-        if self.report.cause == "clearance":
-            shortfall = clearance - float(np.nanmin(self.report.clearance))
-            self.extra_margin += max(shortfall, 0.0) + REPAIR_MARGIN_M
-        else:
-            self.ruled_out.append(self.states.rows[self.report.worst_state])
-
-    def verdict(self) -> tuple[PlanStatus, str]:
-        """Returns the status of the query and a sentence on it."""
-        assert self.outcome is not None  # a search has run
-        if self.report is not None:
-            if self.report.verified:
-                return PlanStatus.VERIFIED, self.outcome.message
-            return (
-                PlanStatus.UNVERIFIED,
-                f"a path was found, but the reference does not confirm it: {self.report.message}",
-            )
-        statuses = {
-            SearchStatus.NO_PATH: PlanStatus.NO_PATH,
-            SearchStatus.INVALID_START: PlanStatus.INVALID_START,
-            SearchStatus.INVALID_GOAL: PlanStatus.INVALID_GOAL,
-        }
-        return statuses[self.outcome.status], self.outcome.message
-
-
-def _add_counts(total: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
-    """Returns two sets of statistics as one: numbers added, tables merged, anything else from the later."""
-    merged = dict(total)
-    for key, value in more.items():
-        if isinstance(value, dict):
-            merged[key] = _add_counts(merged.get(key, {}), value)
-        elif isinstance(value, int | float) and key in merged:
-            merged[key] += value
-        else:
-            merged[key] = value
-    return merged
-
-
-def load_scene_meshes(scenario: Scenario) -> list[SceneMesh]:
-    """Returns the meshes of a scenario in metres, each with its role and, for a cavity, its entry plane."""
-    base_z = scenario.base_rotation[:, 2]
-    meshes = []
-    for entry in scenario.file.meshes:
-        point, normal = scenario.base_position, base_z
-        if entry.entry is not None:
-            point, normal = np.asarray(entry.entry.point_m), np.asarray(entry.entry.normal)
-        cavity = entry.role == "cavity"
-        meshes.append(
-            load_scene_mesh(
-                scenario.resolve(entry.file),
-                entry.unit,
-                entry.role,
-                point if cavity else None,
-                normal if cavity else None,
-            )
-        )
-    return meshes
-
-
-@cache
-def _library_versions() -> tuple[tuple[str, str], ...]:
-    return tuple((name, version(name)) for name in LIBRARIES)
-
-
-def library_versions() -> dict[str, str]:
-    """Returns the versions of the libraries that decide a result."""
-    return dict(_library_versions())
 
 
 def plan(scenario: Scenario, *, seed: int | None = None, progress: Progress | None = None) -> PlanResult:

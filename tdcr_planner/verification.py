@@ -9,7 +9,7 @@ gap; gaps where it does not are halved until it does or the halves say that it n
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,14 +22,10 @@ from tdcr_planner.planning.validity import disk_reaches
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import transform_points
 from tdcr_planner.shape.base import ShapeModel
-from tdcr_planner.statics.solver import RodSolution, solve_statics
-from tdcr_planner.statics.strain import largest_bending_strain
-from tdcr_planner.statics.tendons import tendon_displacements
+from tdcr_planner.solved_states import SolvedStates, StateSolver
 
 # Halving a gap of step_m this often leaves 1/64 of it: below that, missing clearance is missing, not unproven.
 MAX_HALVINGS = 6
-# Tensions are sums of products of float64 numbers near 1 N.
-TENSION_ROUNDING_N = 1e-9
 
 
 @dataclass(frozen=True)
@@ -87,58 +83,6 @@ def _extreme(values: FloatArray, choose: Callable[[FloatArray], Any]) -> float:
     return float(choose(known)) if len(known) else float("nan")
 
 
-@dataclass(frozen=True)
-class SolvedStates:
-    """The states of a path in order, solved by the reference.
-
-    Attributes:
-        rows: Configurations, shape (k, dimension).
-        tensions: Shape (k, t), N.
-        displacements: Tendon pulled out at the base against the straight robot, shape (k, t), m.
-        converged: Shape (k,).
-        stable: Shape (k,).
-        residual: Shape (k,), N m.
-        strain: Largest bending strain of each segment's backbone, shape (k, segments).
-        clearance: Shape (k,), m; NaN where there is no shape.
-        touches_itself: Whether the body, grown by half a step, touches itself, shape (k,).
-        positions: Disk centres, shape (k, d, 3), m, world frame.
-        rotations: world_from_disk, shape (k, d, 3, 3).
-        halvings: How often the gap behind each state has been halved below the step, shape (k,).
-        goals: Number of the goal (from 0) that a state must satisfy, -1 for none, shape (k,).
-    """
-
-    rows: FloatArray
-    tensions: FloatArray
-    displacements: FloatArray
-    converged: BoolArray
-    stable: BoolArray
-    residual: FloatArray
-    strain: FloatArray
-    clearance: FloatArray
-    touches_itself: BoolArray
-    positions: FloatArray
-    rotations: FloatArray
-    halvings: IntArray
-    goals: IntArray
-
-    def halve(self, gaps: IntArray, middle: SolvedStates) -> SolvedStates:
-        """Returns the states with others inserted into some gaps.
-
-        Args:
-            gaps: Index of the state before each gap, increasing, shape (g,).
-            middle: The g states that belong there.
-        """
-        depth = self.halvings.copy()
-        depth[gaps] += 1
-        before = replace(self, halvings=depth)
-        between = replace(middle, halvings=depth[gaps])
-        merged = {
-            item.name: np.insert(getattr(before, item.name), gaps + 1, getattr(between, item.name), axis=0)
-            for item in fields(self)
-        }
-        return SolvedStates(**merged)
-
-
 class _Failure(NamedTuple):
     """Why a path is not verified: the cause, a sentence, the state."""
 
@@ -180,7 +124,7 @@ class Verifier:
         self.model = model
         self._robot: RobotSpec = space.robot
         # Between two states either of two parts strays by at most half a step from its nearer state.
-        self._grown_scene = scene.with_margins(np.full(space.robot.disk_count, 0.5 * step))
+        self._solver = StateSolver(space, scene, self_margin=0.5 * step)
 
     def verify(
         self, rows: FloatArray, goals: Sequence[tuple[int, Goal]] = ()
@@ -192,7 +136,7 @@ class Verifier:
             goals: What is to be reached, each with the index of the state that must reach it; where it is a tip
                 position, the reference's tip must lie within the tolerances.
         """
-        states = self._solve(rows)
+        states = self._solver.solve(rows)
         for number, (index, _) in enumerate(goals):
             states.goals[index] = number
         # Gaps wider than the step get the halvings that lead down to it for free.
@@ -207,7 +151,7 @@ class Verifier:
             failure = self._judge_gaps(states, gaps)
             if failure is None:
                 middle = 0.5 * (states.rows[gaps] + states.rows[gaps + 1])
-                states = states.halve(gaps, self._solve(middle))
+                states = states.halve(gaps, self._solver.solve(middle))
                 failure = self._judge_states(states)
         return self._report(states, failure), states
 
@@ -217,49 +161,9 @@ class Verifier:
         What lies between them is not judged, nor self-collision: the rows may be any configurations, shape
         (k, dimension).
         """
-        states = self._solve(rows)
+        states = self._solver.solve(rows)
         clear = np.nan_to_num(states.clearance, nan=-np.inf) >= self.clearance
-        return np.asarray(states.converged & states.stable & self._in_limits(states) & clear), states
-
-    def _solve(self, rows: FloatArray) -> SolvedStates:
-        actuation = self.space.actuate(rows)
-        solution: RodSolution = solve_statics(
-            self._robot, actuation.tensions, gravity=actuation.gravity, tip_force=actuation.tip_force
-        )
-        converged = np.asarray(solution.converged, dtype=np.bool_)
-        positions = transform_points(actuation.base_rotations, actuation.base_positions, solution.positions)
-        rotations = actuation.base_rotations[:, None] @ solution.rotations
-        clearance = np.full(len(rows), np.nan)
-        touches_itself = np.zeros(len(rows), dtype=np.bool_)
-        if converged.any():
-            clearance[converged] = self.scene.clearance(positions[converged], rotations[converged])
-            touches_itself[converged] = self._grown_scene.touches_itself(positions[converged], rotations[converged])
-        return SolvedStates(
-            rows=rows,
-            tensions=actuation.tensions,
-            displacements=tendon_displacements(self._robot, solution, actuation.tensions),
-            converged=converged,
-            stable=np.asarray(solution.stable, dtype=np.bool_),
-            residual=solution.residual,
-            strain=largest_bending_strain(self._robot, solution),
-            clearance=clearance,
-            touches_itself=touches_itself,
-            positions=positions,
-            rotations=rotations,
-            halvings=np.zeros(len(rows), dtype=np.int64),
-            goals=np.full(len(rows), -1, dtype=np.int64),
-        )
-
-    def _in_limits(self, states: SolvedStates) -> BoolArray:
-        within = (states.tensions <= self._robot.max_tensions + TENSION_ROUNDING_N).all(axis=1)
-        for index, segment in enumerate(self._robot.segments):
-            if segment.max_tendon_displacement_m is not None:
-                columns = self._robot.tendon_segments == index
-                within &= (np.abs(states.displacements[:, columns]) <= segment.max_tendon_displacement_m).all(axis=1)
-        for index, backbone in enumerate(self._robot.segment_backbones):
-            if backbone.max_strain is not None:
-                within &= states.strain[:, index] <= backbone.max_strain
-        return np.asarray(within, dtype=np.bool_)
+        return np.asarray(states.converged & states.stable & states.in_limits(self._robot) & clear), states
 
     def _judge_states(self, states: SolvedStates) -> _Failure | None:
         """Returns the first failure of a state by itself, or None."""
@@ -267,7 +171,7 @@ class Verifier:
         for failing, cause, reason in (
             (~states.converged, "statics", "the reference did not converge"),
             (states.converged & ~states.stable, "statics", "the reference shape is not stable"),
-            (~self._in_limits(states), "limits", "a limit on tension, tendon displacement or strain is exceeded"),
+            (~states.in_limits(self._robot), "limits", "a limit on tension, tendon displacement or strain is exceeded"),
             (states.touches_itself, "self_collision", "the robot comes within half a step of itself"),
         ):
             if failing.any():
@@ -357,7 +261,7 @@ class Verifier:
             residual=states.residual,
             deviation=deviation,
             clearance=states.clearance,
-            in_limits=self._in_limits(states),
+            in_limits=states.in_limits(self._robot),
             positions=states.positions,
             rotations=states.rotations,
             model_positions=model_positions,

@@ -1,0 +1,67 @@
+"""The answer to a query: how it ended, the path, what the reference says of it, and what decided it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cache
+from importlib.metadata import version
+from typing import Any
+
+from tdcr_planner.planning.path import TensionPath
+from tdcr_planner.planning.scenario import Scenario
+from tdcr_planner.verification import VerificationReport
+
+LIBRARIES = ("tdcr-planner", "numpy", "scipy", "numba", "torch", "ompl", "python-fcl", "trimesh")
+
+
+class PlanStatus(StrEnum):
+    """How a query ended."""
+
+    VERIFIED = "verified"
+    UNVERIFIED = "unverified"
+    NO_PATH = "no_path"
+    INVALID_START = "invalid_start"
+    INVALID_GOAL = "invalid_goal"
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """The answer to a query.
+
+    Attributes:
+        status: How it ended.
+        message: The same for a person: what was reached or what failed and where.
+        scenario: The query.
+        seed: The seed used.
+        path: The states found, or None.
+        verification: The reference's report on the path, or None without a path.
+        repairs: How often verification sent the search back.
+        timings_s: Seconds: load, plan, verify, total.
+        planner: name, iterations or vertices, states_checked, edges_checked, rejected (a count a cause); with a
+            roadmap in use roadmap: vertices, edges, answered (whether the path came from it) and reason (why not).
+        hashes: SHA-256 of scenario, robot mechanics and shape model.
+        versions: Versions of the libraries involved.
+    """
+
+    status: PlanStatus
+    message: str
+    scenario: Scenario
+    seed: int
+    path: TensionPath | None
+    verification: VerificationReport | None
+    repairs: int = 0
+    timings_s: dict[str, float] = field(default_factory=dict)
+    planner: dict[str, Any] = field(default_factory=dict)
+    hashes: dict[str, str] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+
+
+@cache
+def _library_versions() -> tuple[tuple[str, str], ...]:
+    return tuple((name, version(name)) for name in LIBRARIES)
+
+
+def library_versions() -> dict[str, str]:
+    """Returns the versions of the libraries that decide a result."""
+    return dict(_library_versions())

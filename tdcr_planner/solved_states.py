@@ -1,0 +1,130 @@
+"""Solved states: configurations of a path under the Cosserat reference, with all that a judgement needs of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.collision.scene import CollisionScene
+from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.se3 import transform_points
+from tdcr_planner.statics.solver import RodSolution, solve_statics
+from tdcr_planner.statics.strain import largest_bending_strain
+from tdcr_planner.statics.tendons import tendon_displacements
+
+# Tensions are sums of products of float64 numbers near 1 N.
+TENSION_ROUNDING_N = 1e-9
+
+
+@dataclass(frozen=True)
+class SolvedStates:
+    """The states of a path in order, solved by the reference.
+
+    Attributes:
+        rows: Configurations, shape (k, dimension).
+        tensions: Shape (k, t), N.
+        displacements: Tendon pulled out at the base against the straight robot, shape (k, t), m.
+        converged: Shape (k,).
+        stable: Shape (k,).
+        residual: Shape (k,), N m.
+        strain: Largest bending strain of each segment's backbone, shape (k, segments).
+        clearance: Shape (k,), m; NaN where there is no shape.
+        touches_itself: Whether the body, grown by half a step, touches itself, shape (k,).
+        positions: Disk centres, shape (k, d, 3), m, world frame.
+        rotations: world_from_disk, shape (k, d, 3, 3).
+        halvings: How often the gap behind each state has been halved below the step, shape (k,).
+        goals: Number of the goal (from 0) that a state must satisfy, -1 for none, shape (k,).
+    """
+
+    rows: FloatArray
+    tensions: FloatArray
+    displacements: FloatArray
+    converged: BoolArray
+    stable: BoolArray
+    residual: FloatArray
+    strain: FloatArray
+    clearance: FloatArray
+    touches_itself: BoolArray
+    positions: FloatArray
+    rotations: FloatArray
+    halvings: IntArray
+    goals: IntArray
+
+    def halve(self, gaps: IntArray, middle: SolvedStates) -> SolvedStates:
+        """Returns the states with others inserted into some gaps.
+
+        Args:
+            gaps: Index of the state before each gap, increasing, shape (g,).
+            middle: The g states that belong there.
+        """
+        depth = self.halvings.copy()
+        depth[gaps] += 1
+        before = replace(self, halvings=depth)
+        between = replace(middle, halvings=depth[gaps])
+        merged = {
+            item.name: np.insert(getattr(before, item.name), gaps + 1, getattr(between, item.name), axis=0)
+            for item in fields(self)
+        }
+        return SolvedStates(**merged)
+
+    def in_limits(self, robot: RobotSpec) -> BoolArray:
+        """Returns which states keep the robot's limits on tension, tendon displacement and strain, shape (k,)."""
+        within = (self.tensions <= robot.max_tensions + TENSION_ROUNDING_N).all(axis=1)
+        for index, segment in enumerate(robot.segments):
+            if segment.max_tendon_displacement_m is not None:
+                columns = robot.tendon_segments == index
+                within &= (np.abs(self.displacements[:, columns]) <= segment.max_tendon_displacement_m).all(axis=1)
+        for index, backbone in enumerate(robot.segment_backbones):
+            if backbone.max_strain is not None:
+                within &= self.strain[:, index] <= backbone.max_strain
+        return np.asarray(within, dtype=np.bool_)
+
+
+class StateSolver:
+    """Solves configurations with the reference and measures their shapes in a scene."""
+
+    def __init__(self, space: ConfigurationSpace, scene: CollisionScene, self_margin: float) -> None:
+        """Prepares the solver.
+
+        Args:
+            space: The scenario's configurations.
+            scene: The scene with the body as it is, without margins.
+            self_margin: By how much each part of the body is grown before it may touch another, m.
+        """
+        self._space = space
+        self._scene = scene
+        self._grown_scene = scene.with_margins(np.full(space.robot.disk_count, self_margin))
+
+    def solve(self, rows: FloatArray) -> SolvedStates:
+        """Returns the states of configurations, shape (k, dimension), each by itself."""
+        robot = self._space.robot
+        actuation = self._space.actuate(rows)
+        solution: RodSolution = solve_statics(
+            robot, actuation.tensions, gravity=actuation.gravity, tip_force=actuation.tip_force
+        )
+        converged = np.asarray(solution.converged, dtype=np.bool_)
+        positions = transform_points(actuation.base_rotations, actuation.base_positions, solution.positions)
+        rotations = actuation.base_rotations[:, None] @ solution.rotations
+        clearance = np.full(len(rows), np.nan)
+        touches_itself = np.zeros(len(rows), dtype=np.bool_)
+        if converged.any():
+            clearance[converged] = self._scene.clearance(positions[converged], rotations[converged])
+            touches_itself[converged] = self._grown_scene.touches_itself(positions[converged], rotations[converged])
+        return SolvedStates(
+            rows=rows,
+            tensions=actuation.tensions,
+            displacements=tendon_displacements(robot, solution, actuation.tensions),
+            converged=converged,
+            stable=np.asarray(solution.stable, dtype=np.bool_),
+            residual=solution.residual,
+            strain=largest_bending_strain(robot, solution),
+            clearance=clearance,
+            touches_itself=touches_itself,
+            positions=positions,
+            rotations=rotations,
+            halvings=np.zeros(len(rows), dtype=np.int64),
+            goals=np.full(len(rows), -1, dtype=np.int64),
+        )
