@@ -6,7 +6,7 @@ import itertools
 import time
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from tdcr_planner.planning.validity import ValidityChecker, rejections
 __all__ = [
     "PLANNERS",
     "REFUSED",
+    "Connector",
     "Progress",
     "SearchOutcome",
     "SearchStatus",
@@ -42,6 +43,14 @@ class SearchStatus(StrEnum):
     NO_PATH = "no_path"
     INVALID_START = "invalid_start"
     INVALID_GOAL = "invalid_goal"
+
+
+class Connector(Protocol):
+    """What may know a way already and is asked before the planner; `planning.roadmap` has one."""
+
+    def connect(self, edges: EdgeChecker, start: FloatArray, goal: GoalSource, deadline: float) -> FloatArray | None:
+        """Returns waypoints (k, dimension) from a start to a goal state whose edges have all been checked, or None."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -79,6 +88,7 @@ def search(
     seed: int | None = None,
     progress: Progress | None = None,
     edges: EdgeChecker | None = None,
+    connector: Connector | None = None,
 ) -> SearchOutcome:
     """Searches a path from the scenario's start through its goals.
 
@@ -91,6 +101,7 @@ def search(
             the planner is one that improves its path until then (give those the parameter `iterations`).
         progress: Told the share of the time that has passed and a message.
         edges: Validity of edges; None makes one with the scenario's step.
+        connector: Asked for each leg before the planner, which runs where it knows no way; None for the planner alone.
 
     Returns:
         The outcome; an invalid start, a goal out of reach and no path are statuses, not exceptions.
@@ -109,6 +120,7 @@ def search(
         deadline=begin + (settings.time_limit_s if time_limit_s is None else time_limit_s),
         seed=settings.seed if seed is None else seed,
         progress=progress,
+        connector=connector,
     )
     return query.run()
 
@@ -122,6 +134,7 @@ class _Query:
     deadline: float
     seed: int
     progress: Progress | None
+    connector: Connector | None = None
     iterations: int = 0
     sources: list[GoalSource] = field(default_factory=list)
 
@@ -151,28 +164,40 @@ class _Query:
         rows, reached = start[None], []
         cost = PathCost(self.scenario.planner.objective, self.checker)
         for leg, number in enumerate(order):
-            now = time.monotonic()
-            run = PlannerRun(
-                checker=self.checker,
-                edges=self.edges,
-                name=self.scenario.planner.name,
-                parameters=dict(self.scenario.planner.parameters),
-                deadline=now + max(self.deadline - now, 0.0) / (len(order) - leg),
-                cost=cost,
-                progress=self.progress,
-            )
             source = self.sources[number]
-            found = None if now >= self.deadline else run.run(rows[-1], source, self.seed + leg)
-            self.iterations += run.iterations
-            if found is not None:
-                found = _with_exact_ends(found, rows[-1], source)
-            if found is None or not self.edges.path_valid(found):
+            found = self._way(rows[-1], source, leg, cost)
+            if found is None:
                 message = f"no path to {self._name(number)} within the time given"
                 return self._outcome(SearchStatus.NO_PATH, message)
             found = shorten(self.edges, found, seed=self.seed + leg, deadline=self.deadline, cost=cost.edge)
             rows = np.concatenate([rows, found[1:]])
             reached.append(len(rows) - 1)
         return self._outcome(SearchStatus.FOUND, f"path of {len(rows)} waypoints", rows, tuple(reached), order)
+
+    def _way(self, start: FloatArray, source: GoalSource, leg: int, cost: PathCost) -> FloatArray | None:
+        """Returns a valid way of one leg: one that is known, or else the planner's."""
+        if self.connector is not None:
+            known = self.connector.connect(self.edges, start, source, self.deadline)
+            if known is not None:
+                return known
+        now = time.monotonic()
+        if now >= self.deadline:
+            return None
+        run = PlannerRun(
+            checker=self.checker,
+            edges=self.edges,
+            name=self.scenario.planner.name,
+            parameters=dict(self.scenario.planner.parameters),
+            deadline=now + (self.deadline - now) / (len(self.sources) - leg),
+            cost=cost,
+            progress=self.progress,
+        )
+        found = run.run(start, source, self.seed + leg)
+        self.iterations += run.iterations
+        if found is None:
+            return None
+        found = _with_exact_ends(found, start, source)
+        return found if self.edges.path_valid(found) else None
 
     def _source(self, goal: Goal, number: int) -> GoalSource:
         if goal.bending_n is not None:
