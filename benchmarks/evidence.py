@@ -19,8 +19,9 @@ from tdcr_planner.planning.scenario import load_scenario
 from tdcr_planner.rates import ratio_at_least
 from tdcr_planner.report.compare_results import write_comparison
 from tdcr_planner.report.sweep_results import write_sweep
-from tdcr_planner.sweep.runner import local_backend, run_sweep
+from tdcr_planner.sweep.runner import run_sweep
 from tdcr_planner.sweep.suite import load_suite
+from tdcr_planner.workers import local_backend
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 SCENE = SCENES / "duct/scenario_sag.toml"

@@ -8,14 +8,17 @@ import os
 import signal
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import Any
+from typing import Any, Protocol
 
-from tdcr_planner.errors import InputError
+from tdcr_planner.errors import InputError, TdcrError
+
+# Workers that a job may lose, to a crash or to somebody's kill, before it counts as failed, where it is given again.
+ALLOWED_LOSSES = 3
 
 # One thread a process: workers share the machine among each other, and results do not depend on its core count.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
@@ -31,11 +34,62 @@ class Outcome:
         index: Its place in the list of jobs.
         value: What the function returned; None when it failed.
         error: Why it failed; empty when it did not.
+        lost: Whether it failed because its worker died or was ended.
     """
 
     index: int
     value: Any = None
     error: str = ""
+    lost: bool = False
+
+
+class WorkersError(TdcrError):
+    """Workers could not do what was asked: they are gone, or a job failed that the result cannot do without."""
+
+
+class Backend(Protocol):
+    """Where jobs run: processes of this machine (`local_backend`) or a cluster (`cluster.dask_backend`)."""
+
+    def __call__(
+        self,
+        function: Callable[[Any], Any],
+        jobs: Sequence[Any],
+        *,
+        groups: Sequence[Hashable] | None = None,
+        time_limit_s: float | None = None,
+    ) -> Generator[Outcome, None, None]:
+        """Yields the outcome of each job, by its place in `jobs`, as it comes; each once. Closing ends what is left.
+
+        Args:
+            function: Importable by name where the workers are; called with one job.
+            jobs: What to call it with. Jobs and values can be pickled.
+            groups: A key a job; jobs of one group share what a worker may keep. Not every backend makes use of it.
+            time_limit_s: Time after which a job counts as hanging. Not every backend can end one.
+
+        Raises:
+            WorkersError: The workers are gone.
+        """
+        ...
+
+
+def local_backend(workers: int, *, losses: int = 0) -> Backend:
+    """Returns a backend of worker processes on this machine.
+
+    Args:
+        workers: Number of processes.
+        losses: How often a job whose worker died is given to another one; 0 for jobs that may be what killed it.
+    """
+
+    def run(
+        function: Callable[[Any], Any],
+        jobs: Sequence[Any],
+        *,
+        groups: Sequence[Hashable] | None = None,
+        time_limit_s: float | None = None,
+    ) -> Generator[Outcome, None, None]:
+        return run_jobs(function, jobs, groups=groups, workers=workers, time_limit_s=time_limit_s, losses=losses)
+
+    return run
 
 
 def usable_cpus() -> int:
@@ -55,11 +109,13 @@ def run_jobs(
     groups: Sequence[Hashable] | None = None,
     workers: int = 1,
     time_limit_s: float | None = None,
-) -> Iterator[Outcome]:
+    losses: int = 0,
+) -> Generator[Outcome, None, None]:
     """Runs jobs in worker processes and yields each outcome as it comes.
 
     Workers are started afresh (not forked), each with one thread for numerical libraries. A worker that dies or
-    exceeds the time limit fails its job alone and is replaced. Closing the iterator ends the workers.
+    exceeds the time limit is replaced; its job fails, or is given to another worker, and no other job is concerned.
+    Closing the iterator ends the workers.
 
     Args:
         function: Importable by name; called with one job, returns something that can be pickled.
@@ -67,6 +123,7 @@ def run_jobs(
         groups: A key a job. A worker prefers jobs of the group it had last, so that it can keep what they share.
         workers: Number of processes.
         time_limit_s: Time for one job; None for none.
+        losses: How often a job whose worker died or was ended is given to another one before it fails.
 
     Raises:
         InputError: Fewer than one worker.
@@ -74,6 +131,16 @@ def run_jobs(
     if workers < 1:
         raise InputError("workers", "1 or more", workers)
     queue = _Queue(list(groups) if groups is not None else [0] * len(jobs))
+    lost: Counter[int] = Counter()
+
+    def settled(outcome: Outcome) -> Iterator[Outcome]:
+        """Yields the outcome, unless its job goes to another worker."""
+        lost[outcome.index] += outcome.lost
+        if outcome.lost and lost[outcome.index] <= losses:
+            queue.put_back(outcome.index)
+        else:
+            yield outcome
+
     lanes = [_Lane(function, time_limit_s) for _ in range(min(workers, len(jobs)))]
     try:
         while True:
@@ -85,10 +152,10 @@ def run_jobs(
                 return
             for ready in wait(list(busy), timeout=_POLL_S):
                 assert isinstance(ready, Connection)  # only connections were waited for
-                yield busy[ready].collect()
+                yield from settled(busy[ready].collect())
             for lane in lanes:
                 if lane.overdue:
-                    yield lane.give_up()
+                    yield from settled(lane.give_up())
     finally:
         for lane in lanes:
             lane.end()
@@ -98,6 +165,7 @@ class _Queue:
     """Jobs still to be done, by group."""
 
     def __init__(self, groups: list[Hashable]) -> None:
+        self._groups = groups
         self._waiting: dict[Hashable, deque[int]] = {}
         for index, group in enumerate(groups):
             self._waiting.setdefault(group, deque()).append(index)
@@ -113,6 +181,10 @@ class _Queue:
         group = last if last in open_groups else next(untouched, longest)
         self._claimed.add(group)
         return open_groups[group].popleft(), group
+
+    def put_back(self, index: int) -> None:
+        """Takes a job back, to be given out before the others of its group."""
+        self._waiting[self._groups[index]].appendleft(index)
 
 
 class _Lane:
@@ -186,7 +258,7 @@ class _Lane:
         index = self._job
         assert index is not None  # called for a busy lane
         self.end()
-        return Outcome(index, None, error)
+        return Outcome(index, None, error, lost=True)
 
     def _describe_end(self) -> str:
         assert self._process is not None  # called for a busy lane

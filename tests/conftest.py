@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -106,3 +111,56 @@ def as_in_a_terminal() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+class Cluster:
+    """A scheduler and workers of one thread each, processes of this machine, loopback only."""
+
+    def __init__(self, folder: Path, imports: Path | None) -> None:
+        self._folder = folder
+        self._stack = ExitStack()
+        self._environment = {
+            **os.environ,
+            **({} if imports is None else {"PYTHONPATH": str(imports)}),
+            "DASK_DISTRIBUTED__WORKER__MEMORY__TERMINATE": "false",
+            "DASK_DISTRIBUTED__SCHEDULER__WORK_STEALING": "true",
+        }
+        file = folder / "scheduler.json"
+        self.scheduler = self._start(
+            "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show", "--scheduler-file", file
+        )
+        deadline = time.monotonic() + 60.0
+        while not file.exists() or not file.stat().st_size:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        self.address = json.loads(file.read_text())["address"]
+        self.workers: list[subprocess.Popen[bytes]] = []
+
+    def add_worker(self) -> None:
+        options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
+        self.workers.append(self._start("worker", self.address, *options, "--local-directory", self._folder))
+
+    def _start(self, *arguments: object) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "dask", *(str(argument) for argument in arguments)]
+        log = self._stack.enter_context((self._folder / f"{arguments[0]}.log").open("ab"))
+        process = self._stack.enter_context(
+            subprocess.Popen(command, stdout=log, stderr=log, env=self._environment, cwd=self._folder)
+        )
+        self._stack.callback(process.kill)
+        return process
+
+    def close(self) -> None:
+        self._stack.close()
+
+
+@pytest.fixture
+def start_cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Cluster]]:
+    """Returns a function that starts a Dask scheduler without workers, which may import from a folder."""
+    with ExitStack() as running:
+
+        def start(imports: Path | None = None) -> Cluster:
+            cluster = Cluster(tmp_path_factory.mktemp("dask"), imports)
+            running.callback(cluster.close)
+            return cluster
+
+        yield start

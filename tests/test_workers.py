@@ -43,6 +43,16 @@ def test_one_that_hangs_is_ended():
     assert found[1].value == 1
 
 
+def test_a_job_whose_worker_died_is_given_to_another(tmp_path):
+    flag = tmp_path / "died"
+    once = f"open({str(flag)!r}, 'x') and {SEGFAULT} if not __import__('os').path.exists({str(flag)!r}) else 'alive'"
+    found = outcomes([once, "2", SEGFAULT, "1 / 0"], workers=1, losses=2)
+    assert [found[index].value for index in range(4)] == ["alive", 2, None, None]
+    assert [found[index].lost for index in range(4)] == [False, False, True, False]
+    assert found[2].error == "the process was ended by signal 11 (SIGSEGV)"
+    assert found[3].error == "ZeroDivisionError: division by zero"
+
+
 def test_workers_are_other_processes_with_one_thread():
     found = outcomes([f"({PID}, __import__('os').environ['OMP_NUM_THREADS'])"] * 2, workers=2)
     pids = {outcome.value[0] for outcome in found.values()}

@@ -37,13 +37,13 @@ def compare(
         jobs: Worker processes; the number of processors without it.
         progress: Draw a progress bar.
     """
-    from tdcr_planner.cli.count_bar import CountBar
+    from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.compare.comparison import compare as compare_scenario
     from tdcr_planner.planning.scenario import load_scenario
     from tdcr_planner.report.compare_results import write_comparison
     from tdcr_planner.workers import usable_cpus
 
-    with CountBar("comparing", 1, shown=progress) as bar:
+    with CountBar("comparing", shown=progress) as bar:
         found = compare_scenario(
             load_scenario(scenario),
             samples=samples,

@@ -33,7 +33,7 @@ def evaluate(
         seed: Seed of the cases.
         progress: Draw a progress bar.
     """
-    from tdcr_planner.cli.train import StageBar
+    from tdcr_planner.cli.progress import StageBar
     from tdcr_planner.learning.evaluate import evaluate_model
     from tdcr_planner.shape.learned import load_shape_model
 

@@ -18,6 +18,7 @@ from tdcr_planner.cli.train import train
 from tdcr_planner.cli.verify import verify
 from tdcr_planner.cli.view import view
 from tdcr_planner.errors import TdcrError
+from tdcr_planner.workers import WorkersError
 
 DESCRIPTION = """Plan, verify and look at tendon trajectories of continuum robots in triangle meshes.
 
@@ -47,6 +48,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", force=True)
     try:
         return tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="tdcr", description=DESCRIPTION, args=arguments)
+    except WorkersError as error:
+        print(f"not done: {error}; earlier files are as they were", file=sys.stderr)
+        return EXIT_NOT_REACHED
     except TdcrError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT

@@ -1,4 +1,4 @@
-"""Progress bars of the command line."""
+"""Progress bars of the command line: drawn on a standard error that is a terminal, and nowhere else."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
+from typing import Any, Self
 
 from tqdm import tqdm
+
+_COUNTED = "{desc}: {bar} {n_fmt} of {total_fmt}, {elapsed} gone, {remaining} left {postfix}"
+_TIMED = "{desc}: {bar} {n:.1f} of {total:.0f} s {postfix}"
 
 
 @contextmanager
@@ -29,11 +33,84 @@ def remark_if_slow(remark: str, after_s: float = 8.0) -> Iterator[None]:
         timer.cancel()
 
 
-class TimeBar:
-    """A bar that fills as a time limit is used up, with a remark of what is going on.
+class _Bar:
+    """A context manager around one tqdm bar at a time; `update` of those derived from it is a progress callback."""
 
-    Use it as a context manager and pass `update` as the progress callback.
-    """
+    def __init__(self, *, shown: bool) -> None:
+        self._shown = shown and sys.stderr.isatty()
+        self._bar: tqdm[Any] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Takes the bar off the screen."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
+
+    def _open(self, title: str, total: float, form: str, *, initial: float = 0, delay_s: float = 0.0) -> None:
+        self.close()
+        self._bar = tqdm(
+            total=total,
+            desc=title,
+            initial=initial,
+            disable=not self._shown,
+            bar_format=form,
+            dynamic_ncols=True,
+            leave=False,
+            delay=delay_s,
+        )
+
+    def _move(self, done: float, remark: str) -> None:
+        assert self._bar is not None  # opened before it is moved
+        self._bar.set_postfix_str(remark, refresh=False)
+        self._bar.update(done - self._bar.n)
+
+
+class CountBar(_Bar):
+    """A bar of things done out of a total, with an estimate of the time left."""
+
+    def __init__(self, title: str, *, shown: bool = True) -> None:
+        """Prepares a bar.
+
+        Args:
+            title: What is being done.
+            shown: False draws nothing.
+        """
+        super().__init__(shown=shown)
+        self._title = title
+
+    def update(self, done: int, total: int, remark: str) -> None:
+        """Moves the bar and shows a remark. The first call says what an earlier run has done: no part of the pace."""
+        if self._bar is None:
+            self._open(self._title, total, _COUNTED, initial=done)
+        self._move(done, remark)
+
+
+class StageBar(_Bar):
+    """A count bar for work in stages: each begins another bar, with the time left in that stage."""
+
+    def __init__(self, *, shown: bool = True) -> None:
+        """Prepares the bar; it draws nothing when `shown` is false."""
+        super().__init__(shown=shown)
+        self._stage = ""
+
+    def update(self, stage: str, done: int, total: int, remark: str) -> None:
+        """Moves the bar: `done` of `total` steps of a stage. What a stage begins with is no part of its pace."""
+        if self._bar is None or stage != self._stage:
+            self._stage = stage
+            self._open(stage, total, _COUNTED, initial=done)
+        self._move(done, remark)
+
+
+class TimeBar(_Bar):
+    """A bar that fills as a time limit is used up, with a remark of what is going on."""
 
     def __init__(self, title: str, limit_s: float, *, shown: bool = True) -> None:
         """Prepares a bar.
@@ -41,26 +118,12 @@ class TimeBar:
         Args:
             title: What is being done.
             limit_s: The time at which the bar is full, s.
-            shown: False draws nothing; neither does a standard error that is no terminal.
+            shown: False draws nothing.
         """
+        super().__init__(shown=shown)
         self._limit = limit_s
         self._started = time.perf_counter()
-        self._bar = tqdm(
-            total=limit_s,
-            desc=title,
-            disable=not (shown and sys.stderr.isatty()),
-            bar_format="{desc}: {bar} {n:.1f} of {total:.0f} s {postfix}",
-            leave=False,
-            delay=0.5,
-        )
-
-    def __enter__(self) -> TimeBar:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.close()
+        self._open(title, limit_s, _TIMED, delay_s=0.5)
 
     def update(self, share: float, remark: str) -> None:  # noqa: ARG002
         """Moves the bar to the time used so far and shows a remark.
@@ -69,6 +132,4 @@ class TimeBar:
             share: Part of its own time that a search has used; the bar shows the query's time, repairs included.
             remark: What is going on.
         """
-        used = min(time.perf_counter() - self._started, self._limit)
-        self._bar.set_postfix_str(remark, refresh=False)
-        self._bar.update(used - self._bar.n)
+        self._move(min(time.perf_counter() - self._started, self._limit), remark)

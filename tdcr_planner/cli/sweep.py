@@ -38,21 +38,16 @@ def sweep(
         retry_failed: Run queries again that failed in an earlier run.
         progress: Draw a progress bar.
     """
-    from tdcr_planner.cli.count_bar import CountBar
-    from tdcr_planner.errors import InputError
+    from tdcr_planner.cli.backend import choose_backend
+    from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.report.sweep_results import write_sweep
-    from tdcr_planner.sweep.cluster import dask_backend
-    from tdcr_planner.sweep.runner import local_backend, run_sweep
+    from tdcr_planner.sweep.runner import run_sweep
     from tdcr_planner.sweep.suite import load_suite
-    from tdcr_planner.workers import usable_cpus
+    from tdcr_planner.workers import local_backend, usable_cpus
 
-    if jobs is not None and scheduler is not None:
-        raise InputError("--jobs", "only one of --jobs and --scheduler", "both")
-    if jobs is not None and jobs < 1:
-        raise InputError("--jobs", "1 or more", jobs)
+    backend = choose_backend(jobs, scheduler) or local_backend(usable_cpus())
     content = load_suite(suite)
-    backend = local_backend(jobs or usable_cpus()) if scheduler is None else dask_backend(scheduler)
-    with CountBar("sweep", len(content.jobs), shown=progress) as bar:
+    with CountBar("sweep", shown=progress) as bar:
         outcome = run_sweep(content, out, backend, retry_failed=retry_failed, progress=bar.update)
     write_sweep(outcome, out)
     print(describe(outcome))

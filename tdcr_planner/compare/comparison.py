@@ -22,10 +22,10 @@ from tdcr_planner.compare.verdicts import (
     judge,
     sample_configurations,
 )
-from tdcr_planner.errors import FormatError, InputError, TdcrError
+from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.planning.scenario import Scenario, Validity
 from tdcr_planner.session import PlanningSession
-from tdcr_planner.workers import Outcome, run_jobs
+from tdcr_planner.workers import ALLOWED_LOSSES, Outcome, WorkersError, run_jobs
 
 # Fixed, so that the batches, and with them the last digits of the network's answers, do not depend on the workers.
 BATCH = 1000
@@ -123,6 +123,7 @@ def compare(
     Raises:
         InputError: A number is out of its range.
         FormatError: The scenario names no shape model.
+        WorkersError: A part failed in each process that had it.
     """
     for name, value, least in (("samples", samples, 1), ("paths", paths, 0), ("seed", seed, 0), ("jobs", jobs, 1)):
         if value < least:
@@ -144,7 +145,7 @@ def compare(
     answers: dict[int, Any] = {}
     for outcome in _run(session, tasks, jobs):
         if outcome.error:
-            raise TdcrError(f"a part of the comparison failed: {outcome.error}")
+            raise WorkersError(f"a part of the comparison failed: {outcome.error}")
         answers[outcome.index] = outcome.value
         task = tasks[outcome.index]
         tell(len(answers), len(tasks), "states" if task.query is None else f"paths, {task.query[0]}")
@@ -197,7 +198,7 @@ def _run_task(task: _Task) -> Verdicts | PlannedPath:
 
 def _run(session: PlanningSession, tasks: Sequence[_Task], jobs: int) -> Iterator[Outcome]:
     if jobs > 1:
-        yield from run_jobs(_run_task, tasks, workers=jobs)
+        yield from run_jobs(_run_task, tasks, workers=jobs, losses=ALLOWED_LOSSES)
         return
     for index, task in enumerate(tasks):
         yield Outcome(index, task.run(session))

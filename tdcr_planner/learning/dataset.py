@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,12 +14,14 @@ from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import Domain
 from tdcr_planner.statics.solver import SolverSettings, solve_statics
+from tdcr_planner.workers import Backend, Outcome, WorkersError
 
 Sample = Literal["uniform", "planner"]
 Progress = Callable[[str, int, int, str], None]
 """Called as progress(stage, steps done, steps in all, remark)."""
 
-_CHUNK = 4096
+# Cases a job: some 0.1 s of work, and results of a few MB.
+_BLOCK = 1024
 
 
 def no_progress(stage: str, done: int, total: int, remark: str) -> None:
@@ -117,35 +120,45 @@ def solve_cases(
     cases: Cases,
     *,
     threads: int = 1,
+    backend: Backend | None = None,
     progress: Progress = no_progress,
     stage: str = "reference",
 ) -> SolvedCases:
     """Returns the cases that have a stable equilibrium, with what the reference says about them.
 
+    The cases are solved in numbered blocks and put together in the order of the numbers. A case's solution depends on
+    nothing but the case, so the result is the same, bit for bit, whichever workers solved the blocks, how many there
+    were, and whether some died on the way (with the same versions of the libraries).
+
     Args:
         robot: The robot.
         cases: The inputs.
-        threads: Threads of the solver.
-        progress: Called after each chunk.
+        threads: Threads of the solver in this process.
+        backend: Where the blocks are solved instead, each with one thread; None solves them in this process.
+        progress: Called after each block.
         stage: What to call this in the progress.
 
     Raises:
         InputError: Not one case has a stable equilibrium: the loads are beyond what this robot carries.
+        WorkersError: The workers are gone, or a block failed on each worker that had it.
     """
-    settings = SolverSettings(threads=threads)
-    kept, moments, positions, rotations = [], [], [], []
-    for start in range(0, len(cases), _CHUNK):
-        part = cases.take(slice(start, start + _CHUNK))
-        solution = solve_statics(
-            robot, part.tensions, gravity=part.gravity, tip_force=part.tip_force, settings=settings
-        )
-        rows = np.flatnonzero(solution.converged & solution.stable)
-        kept.append(start + rows)
-        moments.append(solution.base_moment[rows])
-        positions.append(solution.positions[rows])
-        rotations.append(solution.rotations[rows])
-        progress(stage, min(start + _CHUNK, len(cases)), len(cases), "")
-    rows = np.concatenate(kept)
+    starts = range(0, len(cases), _BLOCK)
+    solve = _solve_here if backend is None else backend
+    blocks = [
+        _Block(robot, cases.take(slice(start, start + _BLOCK)), threads if backend is None else 1) for start in starts
+    ]
+    answers: dict[int, _Answer] = {}
+    done = 0
+    progress(stage, 0, len(cases), "")
+    with contextlib.closing(solve(_solve_block, blocks)) as outcomes:
+        for outcome in outcomes:
+            if outcome.error:
+                raise WorkersError(f"{stage}: block {outcome.index + 1} of {len(blocks)} failed: {outcome.error}")
+            answers[outcome.index] = outcome.value
+            done += len(blocks[outcome.index].cases)
+            progress(stage, done, len(cases), "")
+    ordered = [answers[index] for index in range(len(blocks))]
+    rows = np.concatenate([start + answer.rows for start, answer in zip(starts, ordered, strict=True)])
     if not len(rows):
         raise InputError(
             "domain",
@@ -153,8 +166,58 @@ def solve_cases(
             f"no stable equilibrium in {len(cases)} cases of robot {robot.name!r}",
         )
     return SolvedCases(
-        cases.take(rows), np.concatenate(moments), np.concatenate(positions), np.concatenate(rotations), len(cases)
+        cases.take(rows),
+        np.concatenate([answer.base_moment for answer in ordered]),
+        np.concatenate([answer.positions for answer in ordered]),
+        np.concatenate([answer.rotations for answer in ordered]),
+        len(cases),
     )
+
+
+@dataclass(frozen=True)
+class _Block:
+    """One job: some cases, complete in itself."""
+
+    robot: RobotSpec
+    cases: Cases
+    threads: int
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """What the reference says about a block.
+
+    Attributes:
+        rows: Which of its cases have a stable equilibrium, shape (k,).
+        base_moment: Shape (k, 3), N m.
+        positions: Shape (k, d, 3), m.
+        rotations: Shape (k, d, 3, 3).
+    """
+
+    rows: IntArray
+    base_moment: FloatArray
+    positions: FloatArray
+    rotations: FloatArray
+
+
+def _solve_block(block: _Block) -> _Answer:
+    cases = block.cases
+    solution = solve_statics(
+        block.robot,
+        cases.tensions,
+        gravity=cases.gravity,
+        tip_force=cases.tip_force,
+        settings=SolverSettings(threads=block.threads),
+    )
+    rows = np.flatnonzero(solution.converged & solution.stable)
+    return _Answer(rows, solution.base_moment[rows], solution.positions[rows], solution.rotations[rows])
+
+
+def _solve_here(
+    function: Callable[[Any], Any], jobs: Sequence[Any], **_options: object
+) -> Generator[Outcome, None, None]:
+    for index, job in enumerate(jobs):
+        yield Outcome(index, function(job))
 
 
 def _directions(count: int, generator: np.random.Generator) -> FloatArray:

@@ -19,6 +19,7 @@ from tdcr_planner.learning.settings import TrainSettings
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import Calibration, ModelCard
 from tdcr_planner.statics.solver import RodSolution, SolverSettings, solve_statics
+from tdcr_planner.workers import Backend
 
 # Prior on the logarithm of the stiffness: handbooks' values of Young's modulus spread by about this much.
 _PRIOR_SPREAD = 0.3
@@ -163,6 +164,7 @@ def train_on_measured(
     *,
     progress: Progress = no_progress,
     log_folder: Path | None = None,
+    backend: Backend | None = None,
 ) -> ModelCard:
     """Fits the robot to measured shapes, then trains (or fine-tunes) a model for that robot.
 
@@ -175,6 +177,7 @@ def train_on_measured(
         out: The model file.
         progress: Called with stage, steps done, steps in all and a remark.
         log_folder: Where to write TensorBoard logs; None for none.
+        backend: Where the reference solves the cases; None for this process.
     """
     from tdcr_planner.learning.train import train_model
 
@@ -183,7 +186,9 @@ def train_on_measured(
     progress("fitting", 0, 1, f"{len(measured.cases)} measured shapes")
     fitted, calibration = fit_stiffness(robot, measured, settings.loss.measured, settings.measured.noise_m)
     progress("fitting", 1, 1, f"stiffness times {calibration.stiffness_scale:.4g}")
-    card = train_model(fitted, settings, out, progress=progress, log_folder=log_folder, calibration=calibration)
+    card = train_model(
+        fitted, settings, out, progress=progress, log_folder=log_folder, calibration=calibration, backend=backend
+    )
     write_bytes(out.with_suffix(".robot.toml"), format_robot(fitted).encode())
     return card
 

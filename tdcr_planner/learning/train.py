@@ -34,6 +34,7 @@ from tdcr_planner.shape.card import CARD_FORMAT, Calibration, ModelCard
 from tdcr_planner.shape.learned import load_shape_model
 from tdcr_planner.shape.rod_kernel import RodConstants, rod_constants, tip_residual, tip_residual_jacobian
 from tdcr_planner.shape.shooting import ShootingFunction
+from tdcr_planner.workers import Backend
 
 # Seeds of the independent random streams of a training.
 _TRAINING, _VALIDATION, _CALIBRATION, _TEST = range(4)
@@ -64,6 +65,7 @@ def train_model(
     progress: Progress = no_progress,
     log_folder: Path | None = None,
     calibration: Calibration | None = None,
+    backend: Backend | None = None,
 ) -> ModelCard:
     """Trains a model, judges it on unseen cases, and writes it with its card.
 
@@ -77,12 +79,14 @@ def train_model(
         progress: Called with stage, steps done, steps in all and a remark.
         log_folder: Where to write TensorBoard logs; None for none.
         calibration: What measured shapes said about the robot, for the card.
+        backend: Where the reference solves the cases; None for this process.
 
     Returns:
         The card of the model.
 
     Raises:
         FormatError: A file cannot be written, or the checkpoint belongs to another robot or other settings.
+        WorkersError: The backend's workers are gone.
     """
     if settings.network == "paper":
         from tdcr_planner.learning.paper import train_paper_network
@@ -91,10 +95,12 @@ def train_model(
         weights = None
         predict = _torch_predictor(network)
     else:
-        network = train_shooting_network(robot, settings, out, progress=progress, log_folder=log_folder)
+        network = train_shooting_network(
+            robot, settings, out, progress=progress, log_folder=log_folder, backend=backend
+        )
         weights = learned_weights(network)
         predict = _compiled_predictor(ShootingFunction(rod_constants(robot), weights))
-    card = judge_model(robot, settings, predict, progress=progress, calibration=calibration)
+    card = judge_model(robot, settings, predict, progress=progress, calibration=calibration, backend=backend)
     write_model(out, network, card, weights)
     checkpoint_path(out).unlink(missing_ok=True)
     return card
@@ -107,6 +113,7 @@ def train_shooting_network(
     *,
     progress: Progress = no_progress,
     log_folder: Path | None = None,
+    backend: Backend | None = None,
 ) -> ShootingNetwork:
     """Returns the `shooting` network of the best epoch; see `train_model`."""
     domain = settings.domain
@@ -116,7 +123,7 @@ def train_shooting_network(
     )
     if settings.measured is not None and settings.measured.start_from is not None:
         _copy_weights(settings.resolve(settings.measured.start_from), network)
-    run = _Run(robot, settings, network, prepare_data(robot, settings, progress))
+    run = _Run(robot, settings, network, prepare_data(robot, settings, progress, backend))
     path = checkpoint_path(out)
     keys = robot.mechanics_hash, settings_hash(settings)
     state = load_checkpoint(path, *keys)
@@ -137,7 +144,9 @@ def train_shooting_network(
     return network.cpu()
 
 
-def prepare_data(robot: RobotSpec, settings: TrainSettings, progress: Progress = no_progress) -> TrainingData:
+def prepare_data(
+    robot: RobotSpec, settings: TrainSettings, progress: Progress = no_progress, backend: Backend | None = None
+) -> TrainingData:
     """Returns the inputs of a training, and the reference's answers where the loss asks for them."""
     dataset, domain = settings.dataset, settings.domain.for_robot(robot)
     share = dataset.planner_share
@@ -145,7 +154,9 @@ def prepare_data(robot: RobotSpec, settings: TrainSettings, progress: Progress =
     validation = draw_mixture(robot, domain, share, dataset.validation_cases, _generator(settings, _VALIDATION))
     if settings.loss.reference == 0.0:
         return TrainingData(cases, np.empty((0, 3)), np.empty((0, 3, 3)), validation)
-    solved = solve_cases(robot, cases, threads=dataset.threads, progress=progress, stage="reference shapes")
+    solved = solve_cases(
+        robot, cases, threads=dataset.threads, backend=backend, progress=progress, stage="reference shapes"
+    )
     inputs = solved.cases
     _, jacobian = tip_residual_jacobian(
         rod_constants(robot), inputs.tensions, inputs.gravity, inputs.tip_force, solved.base_moment
@@ -160,6 +171,7 @@ def judge_model(
     *,
     progress: Progress = no_progress,
     calibration: Calibration | None = None,
+    backend: Backend | None = None,
 ) -> ModelCard:
     """Returns the card of a trained model: its errors and its bound, each on cases that nothing else has seen."""
     domain = settings.domain.for_robot(robot)
@@ -170,7 +182,12 @@ def judge_model(
             generator = _generator(settings, stream)
             cases = draw_cases(robot, domain, sample, settings.bound.cases, generator)
             samples[stream, sample] = solve_cases(
-                robot, cases, threads=settings.dataset.threads, progress=progress, stage=f"{sample} cases"
+                robot,
+                cases,
+                threads=settings.dataset.threads,
+                backend=backend,
+                progress=progress,
+                stage=f"{sample} cases",
             )
     bound = calibrate_bound(
         robot, predict, [samples[_CALIBRATION, "uniform"], samples[_CALIBRATION, "planner"]], settings.bound.alpha

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from tdcr_planner.sweep.job import FAILED, run_planning_job
 from tdcr_planner.sweep.journal import open_journal
 from tdcr_planner.sweep.suite import Suite, SweepJob
-from tdcr_planner.workers import Outcome, run_jobs
+from tdcr_planner.workers import Backend, Outcome, WorkersError
 
 # A query ends itself soon after its time limit. One that has not by then, loading included, hangs.
 HANG_FACTOR = 5.0
@@ -20,22 +21,6 @@ HANG_ADDED_S = 600.0
 JobFunction = Callable[[SweepJob], dict[str, Any]]
 Progress = Callable[[int, int, str], None]
 logger = logging.getLogger(__name__)
-
-
-class SweepInterruptedError(Exception):
-    """The workers are gone before the jobs are done; carries a sentence for a person."""
-
-
-class Backend(Protocol):
-    """Where jobs run."""
-
-    def __call__(self, function: JobFunction, jobs: Sequence[SweepJob]) -> Iterator[Outcome]:
-        """Yields the outcome of each job, by its place in `jobs`, as it comes.
-
-        Raises:
-            SweepInterruptedError: The workers are gone.
-        """
-        ...
 
 
 @dataclass(frozen=True)
@@ -65,22 +50,6 @@ class SweepOutcome:
         return [job for job in self.suite.jobs if self.records.get(job.index, {}).get("status") == FAILED]
 
 
-def local_backend(workers: int) -> Backend:
-    """Returns a backend of worker processes on this machine."""
-
-    def run(function: JobFunction, jobs: Sequence[SweepJob]) -> Iterator[Outcome]:
-        longest = max((job.time_limit_s for job in jobs), default=0.0)
-        return run_jobs(
-            function,
-            jobs,
-            groups=[job.path for job in jobs],
-            workers=workers,
-            time_limit_s=HANG_FACTOR * longest + HANG_ADDED_S,
-        )
-
-    return run
-
-
 def run_sweep(
     suite: Suite,
     folder: str | Path,
@@ -98,7 +67,7 @@ def run_sweep(
     Args:
         suite: What to run.
         folder: Output folder; holds nothing but this sweep.
-        backend: Where the jobs run: `local_backend` or `cluster.dask_backend`.
+        backend: Where the jobs run: `workers.local_backend` or `cluster.dask_backend`.
         retry_failed: Run those again that have failed in an earlier run.
         progress: Told jobs done, jobs in all, and the last one's name and status.
         function: What a job is; importable by name.
@@ -117,23 +86,26 @@ def run_sweep(
         left = [job for job in suite.jobs if job.index not in known]
         tell(len(known), len(suite.jobs), "")
         interrupted = ""
-        outcomes = backend(function, left)
+        longest = max((job.time_limit_s for job in left), default=0.0)
+        outcomes = backend(
+            function,
+            left,
+            groups=[job.path for job in left],
+            time_limit_s=HANG_FACTOR * longest + HANG_ADDED_S,
+        )
         try:
-            for done, outcome in enumerate(outcomes, start=len(known) + 1):
-                job = left[outcome.index]
-                record = _record(outcome)
-                if record["status"] == FAILED:
-                    logger.warning("job %d (%s) failed: %s", job.index, job.name, outcome.error)
-                journal.add(job.index, record)
-                tell(done, len(suite.jobs), f"{job.scenario} {record['status']}")
+            with contextlib.closing(outcomes):
+                for done, outcome in enumerate(outcomes, start=len(known) + 1):
+                    job = left[outcome.index]
+                    record = _record(outcome)
+                    if record["status"] == FAILED:
+                        logger.warning("job %d (%s) failed: %s", job.index, job.name, outcome.error)
+                    journal.add(job.index, record)
+                    tell(done, len(suite.jobs), f"{job.scenario} {record['status']}")
         except KeyboardInterrupt:
             interrupted = "interrupted"
-        except SweepInterruptedError as error:
+        except WorkersError as error:
             interrupted = str(error)
-        finally:
-            close = getattr(outcomes, "close", None)
-            if close is not None:
-                close()
         return SweepOutcome(suite, dict(journal.records), len(known), interrupted)
 
 

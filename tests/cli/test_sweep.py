@@ -69,6 +69,6 @@ def test_wrong_numbers_exit_with_2(suite: Path, tmp_path: Path, arguments: list[
 def test_no_scheduler_exits_with_1(
     suite: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tdcr_planner.sweep.cluster.CONNECT_S", 0.5)
+    monkeypatch.setattr("tdcr_planner.cluster.CONNECT_S", 0.5)
     assert run(["sweep", str(suite), "--out", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:9"]) == 1
     assert "no scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().out

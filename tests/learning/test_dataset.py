@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
+import multiprocessing
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tdcr_planner.cluster import dask_backend
 from tdcr_planner.errors import InputError
+from tdcr_planner.learning import dataset
 from tdcr_planner.learning.dataset import draw_cases, draw_mixture, solve_cases
 from tdcr_planner.learning.settings import DomainSettings
+from tdcr_planner.statics.solver import solve_statics
+from tdcr_planner.workers import Outcome, WorkersError, local_backend
 
 
 @settings(max_examples=25, deadline=None)
@@ -66,3 +74,92 @@ def test_loads_that_the_robot_cannot_carry_are_refused(small_robot, random):
 def test_no_cases_are_refused(small_robot, random):
     with pytest.raises(InputError, match="count"):
         draw_cases(small_robot, DomainSettings().for_robot(small_robot), "uniform", 0, random)
+
+
+@pytest.fixture
+def many_cases(small_robot, random):
+    return draw_cases(small_robot, DomainSettings().for_robot(small_robot), "uniform", 3000, random)
+
+
+def assert_same(found, expected):
+    for name in ("base_moment", "positions", "rotations"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    for field in dataclasses.fields(expected.cases):
+        np.testing.assert_array_equal(getattr(found.cases, field.name), getattr(expected.cases, field.name))
+    assert found.asked == expected.asked
+
+
+@settings(max_examples=10, deadline=None)
+@given(block=st.integers(1, 80), backwards=st.booleans())
+def test_neither_blocks_nor_their_order_matter(small_robot, block, backwards):
+    cases = draw_cases(small_robot, DomainSettings().for_robot(small_robot), "uniform", 60, np.random.default_rng(4))
+
+    def solve_some(robot, tensions, **loads):
+        """Calls cases of little tension unstable, so that blocks have answers of different lengths."""
+        return dataclasses.replace(solve_statics(robot, tensions, **loads), stable=tensions[:, 0] > 0.8)
+
+    def backend(function, jobs):
+        order = range(len(jobs))
+        for index in reversed(order) if backwards else order:
+            yield Outcome(index, function(jobs[index]))
+
+    with patch.object(dataset, "solve_statics", solve_some):
+        whole = solve_cases(small_robot, cases)
+        with patch.object(dataset, "_BLOCK", block):
+            found = solve_cases(small_robot, cases, backend=backend)
+    assert_same(found, whole)
+    kept = cases.tensions[:, 0] > 0.8
+    assert 0 < kept.sum() < 60
+    np.testing.assert_array_equal(found.cases.tensions, cases.tensions[kept])
+
+
+def test_processes_of_which_one_is_killed_give_the_same(small_robot, many_cases, monkeypatch):
+    monkeypatch.setattr(dataset, "_BLOCK", 100)
+    told = []
+
+    def progress(stage, done, total, remark):
+        told.append(done)
+        if done == 500:
+            multiprocessing.active_children()[0].kill()
+
+    found = solve_cases(small_robot, many_cases, backend=local_backend(2, losses=1), progress=progress)
+    assert told == list(range(0, 3001, 100))
+    assert_same(found, solve_cases(small_robot, many_cases))
+
+
+def test_a_cluster_of_which_a_worker_is_killed_gives_the_same(small_robot, many_cases, start_cluster, monkeypatch):
+    monkeypatch.setattr(dataset, "_BLOCK", 50)
+    cluster = start_cluster()
+    cluster.add_worker()
+    cluster.add_worker()
+    told = []
+
+    def progress(stage, done, total, remark):
+        told.append(done)
+        if done == 500:
+            cluster.workers[0].kill()
+
+    found = solve_cases(small_robot, many_cases, backend=dask_backend(cluster.address), progress=progress)
+    assert cluster.workers[0].wait() == -9
+    assert told == list(range(0, 3001, 50))
+    assert_same(found, solve_cases(small_robot, many_cases))
+
+
+def test_a_block_that_fails_is_not_left_out(small_robot, many_cases):
+    def backend(function, jobs):
+        yield Outcome(1, None, "MemoryError: no room")
+
+    with pytest.raises(WorkersError, match="block 2 of 3 failed: MemoryError"):
+        solve_cases(small_robot, many_cases, backend=backend)
+
+
+def test_ctrl_c_ends_the_processes(small_robot, many_cases, monkeypatch):
+    monkeypatch.setattr(dataset, "_BLOCK", 100)
+
+    def progress(stage, done, total, remark):
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve_cases(small_robot, many_cases, backend=local_backend(1), progress=progress)
+    assert not multiprocessing.active_children()

@@ -1,66 +1,22 @@
 import json
-import os
-import subprocess
 import sys
-import time
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
+from tdcr_planner import cluster
+from tdcr_planner.cluster import dask_backend
 from tdcr_planner.errors import InputError
-from tdcr_planner.sweep import cluster
-from tdcr_planner.sweep.cluster import dask_backend
-from tdcr_planner.sweep.runner import local_backend, run_sweep
+from tdcr_planner.sweep.runner import run_sweep
 from tdcr_planner.sweep.suite import load_suite
 from tdcr_planner.sweep.table import result_rows
-
-
-class Cluster:
-    """A scheduler and workers of one thread each, processes of this machine, loopback only."""
-
-    def __init__(self, folder, helpers):
-        self._folder = folder
-        self._stack = ExitStack()
-        self._environment = {
-            **os.environ,
-            "PYTHONPATH": str(helpers),
-            "DASK_DISTRIBUTED__WORKER__MEMORY__TERMINATE": "false",
-            "DASK_DISTRIBUTED__SCHEDULER__WORK_STEALING": "true",
-        }
-        file = folder / "scheduler.json"
-        self.scheduler = self._start(
-            "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show", "--scheduler-file", file
-        )
-        deadline = time.monotonic() + 60.0
-        while not file.exists() or not file.stat().st_size:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        self.address = json.loads(file.read_text())["address"]
-        self.workers = []
-
-    def add_worker(self):
-        options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
-        self.workers.append(self._start("worker", self.address, *options, "--local-directory", self._folder))
-
-    def _start(self, *arguments):
-        command = [sys.executable, "-m", "dask", *(str(argument) for argument in arguments)]
-        log = self._stack.enter_context((self._folder / f"{arguments[0]}.log").open("ab"))
-        process = self._stack.enter_context(
-            subprocess.Popen(command, stdout=log, stderr=log, env=self._environment, cwd=self._folder)
-        )
-        self._stack.callback(process.kill)
-        return process
-
-    def close(self):
-        self._stack.close()
+from tdcr_planner.workers import local_backend
 
 
 @pytest.fixture
-def dask_cluster(tmp_path_factory, fake_jobs):
-    running = Cluster(tmp_path_factory.mktemp("dask"), Path(fake_jobs.__file__).parent)
-    yield running
-    running.close()
+def dask_cluster(start_cluster, fake_jobs):
+    """A scheduler whose workers can import the job functions."""
+    return start_cluster(Path(fake_jobs.__file__).parent)
 
 
 def test_two_workers_one_killed_midway(dask_cluster, write_suite, fake_jobs, tmp_path):

@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 
 from tdcr_planner.sweep.journal import JOURNAL_NAME
-from tdcr_planner.sweep.runner import SweepInterruptedError, local_backend, run_sweep
+from tdcr_planner.sweep.runner import run_sweep
 from tdcr_planner.sweep.table import result_rows
-from tdcr_planner.workers import Outcome
+from tdcr_planner.workers import Outcome, WorkersError, local_backend
 
 
 def test_runs_every_job_once_whichever_the_workers(suite, fake_jobs, tmp_path):
@@ -68,9 +68,9 @@ def test_ctrl_c_keeps_what_had_finished(suite, fake_jobs, tmp_path, as_in_a_term
 
 
 def test_a_lost_backend_keeps_what_had_finished(suite, fake_jobs, tmp_path):
-    def vanishing(function, jobs):
+    def vanishing(function, jobs, **options):
         yield Outcome(0, function(jobs[0]))
-        raise SweepInterruptedError("the scheduler is gone")
+        raise WorkersError("the scheduler is gone")
 
     outcome = run_sweep(suite, tmp_path / "out", vanishing, function=fake_jobs.succeed)
     assert outcome.interrupted == "the scheduler is gone"
@@ -81,8 +81,9 @@ SCRIPT = """
 import sys
 sys.path.insert(0, {helpers!r})
 import tdcr_fake_jobs
-from tdcr_planner.sweep.runner import local_backend, run_sweep
+from tdcr_planner.sweep.runner import run_sweep
 from tdcr_planner.sweep.suite import load_suite
+from tdcr_planner.workers import local_backend
 if __name__ == "__main__":
     run_sweep(load_suite({suite!r}), {out!r}, local_backend(2), function=tdcr_fake_jobs.log_run)
 """
@@ -113,7 +114,7 @@ def _lines(out):
 
 
 def test_order_of_the_table_is_the_suites(suite, fake_jobs, tmp_path):
-    def backwards(function, jobs):
+    def backwards(function, jobs, **options):
         for index in reversed(range(len(jobs))):
             yield Outcome(index, function(jobs[index]))
 

@@ -1,25 +1,21 @@
-"""A sweep's jobs on a Dask cluster that exists already (optional extra "cluster")."""
+"""Jobs on a Dask cluster that exists already (optional extra "cluster")."""
 
 from __future__ import annotations
 
 import contextlib
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from tdcr_planner.errors import InputError
-from tdcr_planner.sweep.runner import Backend, JobFunction, SweepInterruptedError
-from tdcr_planner.sweep.suite import SweepJob
-from tdcr_planner.workers import Outcome, describe_error
+from tdcr_planner.workers import ALLOWED_LOSSES, Backend, Outcome, WorkersError, describe_error
 
 CONNECT_S = 10.0
 # How long a lost connection may take to come back, and how long a cluster may be without any worker.
 GONE_S = 15.0
 NO_WORKER_S = 120.0
-# Workers that a job may bring down, or lose to somebody's kill, before it counts as failed.
-ALLOWED_LOSSES = 3
 _POLL_S = 0.1
 _LOOK_S = 2.0
 
@@ -27,8 +23,9 @@ _LOOK_S = 2.0
 def dask_backend(address: str) -> Backend:
     """Returns a backend that runs jobs on the workers of a Dask scheduler.
 
-    Every worker must have this package and see the suite's files under the same paths. A job whose worker dies goes to
-    another one; its record is written once, when its result has arrived here.
+    Every worker must have this package, and see the files that the jobs name under the same paths. A job whose worker
+    dies goes to another one, as often as the scheduler allows (`distributed.scheduler.allowed-failures`, by default 3);
+    its outcome is yielded once, when it has arrived here. Groups and time limits are the scheduler's own affair.
 
     Args:
         address: Of the scheduler, for example "tcp://127.0.0.1:8786".
@@ -43,7 +40,13 @@ def dask_backend(address: str) -> Backend:
             "--scheduler", "dask.distributed (`pip install 'tdcr-planner[cluster]'`)", "a Python without it"
         ) from error
 
-    def run(function: JobFunction, jobs: Sequence[SweepJob]) -> Iterator[Outcome]:
+    def run(
+        function: Callable[[Any], Any],
+        jobs: Sequence[Any],
+        *,
+        groups: Sequence[Hashable] | None = None,  # noqa: ARG001
+        time_limit_s: float | None = None,  # noqa: ARG001
+    ) -> Generator[Outcome, None, None]:
         if not jobs:
             return
         client = _connect(distributed, address)
@@ -61,15 +64,15 @@ def _connect(distributed: Any, address: str) -> Any:
     try:
         return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise SweepInterruptedError(f"no scheduler answers at {address}: {describe_error(error)}") from error
+        raise WorkersError(f"no scheduler answers at {address}: {describe_error(error)}") from error
 
 
 @dataclass
 class _Cluster:
     client: Any
     address: str
-    function: JobFunction
-    jobs: Sequence[SweepJob]
+    function: Callable[[Any], Any]
+    jobs: Sequence[Any]
     now: Callable[[], float] = time.monotonic
     futures: dict[int, Any] = field(default_factory=dict)
     connected: float = 0.0
@@ -101,7 +104,7 @@ class _Cluster:
         self.futures[index] = self.client.submit(
             self.function,
             self.jobs[index],
-            key=f"tdcr-sweep-{self.jobs[index].index}-{uuid.uuid4().hex}",
+            key=f"tdcr-{index}-{uuid.uuid4().hex}",
             pure=False,
             priority=-index,
         )
@@ -115,7 +118,7 @@ class _Cluster:
             return Outcome(index, future.result(timeout=GONE_S))
         except (FutureCancelledError, OSError) as error:
             if self.client.status != "running":
-                raise SweepInterruptedError(self._gone()) from error
+                raise WorkersError(self._gone()) from error
             self._submit(index)
             return None
         except KilledWorker:
@@ -132,13 +135,13 @@ class _Cluster:
                 if future.status in ("lost", "cancelled"):
                     self._submit(index)
         elif self.client.status == "closed" or now - self.connected > GONE_S:
-            raise SweepInterruptedError(self._gone())
+            raise WorkersError(self._gone())
         if now - self.looked > _LOOK_S and self.client.status == "running":
             self.looked = now
             if self.client.scheduler_info(n_workers=1)["workers"]:
                 self.had_workers = now
             elif now - self.had_workers > NO_WORKER_S:
-                raise SweepInterruptedError(f"the scheduler at {self.address} has had no worker for {NO_WORKER_S:g} s")
+                raise WorkersError(f"the scheduler at {self.address} has had no worker for {NO_WORKER_S:g} s")
 
     def _gone(self) -> str:
         return f"the scheduler at {self.address} is gone"
