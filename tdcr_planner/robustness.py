@@ -1,0 +1,266 @@
+"""Robustness: what is left of a path when the robot, its drive and its mount are not quite what the files say."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.errors import InputError
+from tdcr_planner.planning.scenario import Scenario
+from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
+from tdcr_planner.rates import Rate, binomial_rate
+from tdcr_planner.robot import Backbone, RobotSpec
+from tdcr_planner.session import PlanningSession, PlanResult
+from tdcr_planner.verification import Verifier
+
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Standard deviations of what differs from robot to robot and stays the same along a path.
+
+    Factors are log-normal, the rest is normal. The defaults are of the size found on laboratory robots and no
+    substitute for one's own.
+
+    Attributes:
+        youngs_modulus: Of the backbone's Young's modulus, relative.
+        tension: Of each tendon's gain from commanded to real tension, relative.
+        mass: Of backbone density, disk masses and payload, relative, one factor for all.
+        base_position_m: Of the base's position, each axis.
+        base_angle_deg: Of the base's orientation, about each axis.
+    """
+
+    youngs_modulus: float = 0.05
+    tension: float = 0.02
+    mass: float = 0.02
+    base_position_m: float = 0.0005
+    base_angle_deg: float = 0.2
+
+    def __post_init__(self) -> None:
+        for name, value in self.items():
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(name, "a finite number of 0 or more", value)
+        for name in ("youngs_modulus", "tension", "mass"):
+            if getattr(self, name) >= 1.0:
+                raise InputError(name, "a relative deviation below 1 (0.05 is 5 %)", getattr(self, name))
+
+    def items(self) -> list[tuple[str, float]]:
+        """Returns names and values."""
+        return [(item.name, getattr(self, item.name)) for item in fields(self)]
+
+    def only(self, name: str) -> Tolerances:
+        """Returns these tolerances with all but one set to zero."""
+        return Tolerances(**{other: value if other == name else 0.0 for other, value in self.items()})
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The path's states under many drawn robots.
+
+    Attributes:
+        clearance: Least distance of the body from a surface, shape (samples, k), m; negative when it touches, NaN where
+            the robot has no stable shape.
+        tip_shift: Distance of the tip from where the files have it, shape (samples, k), m; NaN likewise.
+    """
+
+    clearance: FloatArray
+    tip_shift: FloatArray
+
+    @property
+    def least_clearance(self) -> FloatArray:
+        """Least clearance along the path, shape (samples,), m; minus infinity where a state has no stable shape."""
+        return np.nan_to_num(self.clearance, nan=-np.inf).min(axis=1)
+
+    @property
+    def largest_tip_shift(self) -> FloatArray:
+        """Largest shift of the tip along the path, shape (samples,), m; infinity where a state has no stable shape."""
+        return np.nan_to_num(self.tip_shift, nan=np.inf).max(axis=1)
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """How a path fares on robots drawn within tolerances.
+
+    Attributes:
+        tolerances: What was varied.
+        seed: Of the draws.
+        asked: The scenario's clearance_m.
+        times: When the path is at each of its states, shape (k,), s.
+        nominal: Clearance of the path's states with the robot as the file has it, shape (k,), m.
+        spread: The same states on every drawn robot.
+        verified: Which of the drawn robots pass the whole verification: stable, clearance kept at and between
+            the states, limits, goals reached, shape (samples,).
+        causes: How many robots failed for which of `VerificationReport.cause`.
+        effects: The spread when one tolerance alone is at work, by its name; those of zero are left out.
+    """
+
+    tolerances: Tolerances
+    seed: int
+    asked: float
+    times: FloatArray
+    nominal: FloatArray
+    spread: Spread
+    verified: BoolArray
+    causes: dict[str, int]
+    effects: dict[str, Spread]
+
+    @property
+    def samples(self) -> int:
+        """Number of robots drawn."""
+        return len(self.verified)
+
+    @property
+    def verified_rate(self) -> Rate:
+        """Share of the robots for which the path is verified."""
+        return binomial_rate(int(self.verified.sum()), self.samples)
+
+    @property
+    def collision_free_rate(self) -> Rate:
+        """Share of the robots that touch nothing at any state of the path."""
+        return binomial_rate(int((self.spread.least_clearance > 0.0).sum()), self.samples)
+
+
+def assess_robustness(
+    result: PlanResult,
+    tolerances: Tolerances | None = None,
+    *,
+    samples: int = 100,
+    seed: int = 1,
+    progress: Progress | None = None,
+) -> Robustness:
+    """Sends a result's path, tensions as planned, through robots that differ from the file, by the Cosserat reference.
+
+    Each drawn robot has its own modulus, masses, tendon gains and base pose, and keeps them along the path: these are
+    errors of manufacture and mounting, not noise. What it is commanded stays as planned.
+
+    Args:
+        result: A result with a path.
+        tolerances: What to vary and how far; the defaults if None.
+        samples: Robots to draw; as many again for each tolerance by itself.
+        seed: Of the draws.
+        progress: Told robots done, robots in all and a remark.
+
+    Raises:
+        InputError: The result has no path, or samples is below 1.
+    """
+    if result.path is None:
+        raise InputError("result", "a result with a path", f"status {result.status.value!r} without one")
+    if samples < 1:
+        raise InputError("samples", "1 or more", samples)
+    tolerances = tolerances or Tolerances()
+    assessment = _Assessment(result)
+    alone = [name for name, value in tolerances.items() if value > 0.0]
+    total = samples * (1 + len(alone))
+    outcomes: list[tuple[bool, str]] = []
+    spreads: list[Spread] = []
+    for number, varied in enumerate([tolerances, *(tolerances.only(name) for name in alone)]):
+        states = []
+        for sample in range(samples):
+            drawn = _draw(result.scenario, varied, np.random.default_rng([seed, number, sample]))
+            states.append(assessment.states(drawn))
+            if number == 0:
+                outcomes.append(assessment.verdict(drawn))
+            if progress is not None:
+                progress(number * samples + sample + 1, total, "all together" if number == 0 else alone[number - 1])
+        spreads.append(Spread(*(np.stack(part) for part in zip(*states, strict=True))))
+    return Robustness(
+        tolerances=tolerances,
+        seed=seed,
+        asked=result.scenario.planner.clearance_m,
+        times=result.path.times,
+        nominal=assessment.nominal_clearance,
+        spread=spreads[0],
+        verified=np.array([verified for verified, _ in outcomes], dtype=np.bool_),
+        causes=dict(Counter(cause for verified, cause in outcomes if not verified)),
+        effects=dict(zip(alone, spreads[1:], strict=True)),
+    )
+
+
+class _DrawnRobot(ConfigurationSpace):
+    """A scenario's configurations as one drawn robot carries them out: its own base, robot and tendon gains."""
+
+    def __init__(self, scenario: Scenario, gains: FloatArray) -> None:
+        super().__init__(scenario)
+        self._gains = gains
+
+    def actuate(self, rows: FloatArray) -> Actuation:
+        commanded = super().actuate(rows)
+        return replace(commanded, tensions=commanded.tensions * self._gains)
+
+
+class _Assessment:
+    """A result's path and scene, asked about one drawn robot after the other."""
+
+    def __init__(self, result: PlanResult) -> None:
+        assert result.path is not None  # the caller has checked
+        query = result.scenario
+        session = PlanningSession(query)
+        self._scene, self._query = session.scene, query
+        self._rows = session.rows(result.path)
+        self._goals = [(state, query.goals[number]) for state, number in result.path.goal_states]
+        _, nominal = self._verifier(session.space).judge_each(self._rows)
+        self.nominal_clearance = nominal.clearance
+        self._nominal_tips = nominal.positions[:, -1]
+
+    def _verifier(self, space: ConfigurationSpace) -> Verifier:
+        settings = self._query.planner
+        return Verifier(space, self._scene, step=settings.step_m, clearance=settings.clearance_m)
+
+    def states(self, drawn: ConfigurationSpace) -> tuple[FloatArray, FloatArray]:
+        """Returns clearance and tip shift of the path's states, shape (k,) each, m; NaN without a stable shape."""
+        _, states = self._verifier(drawn).judge_each(self._rows)
+        shift = np.linalg.norm(states.positions[:, -1] - self._nominal_tips, axis=1)
+        keeps = states.converged & states.stable
+        return np.where(keeps, states.clearance, np.nan), np.where(keeps, shift, np.nan)
+
+    def verdict(self, drawn: ConfigurationSpace) -> tuple[bool, str]:
+        """Returns whether the whole path is verified on a drawn robot, and the cause when it is not."""
+        report, _ = self._verifier(drawn).verify(self._rows, self._goals)
+        return report.verified, report.cause
+
+
+def _draw(scenario: Scenario, tolerances: Tolerances, generator: np.random.Generator) -> ConfigurationSpace:
+    """Returns one robot within the tolerances, mounted within the tolerances."""
+    base = scenario.file.base
+    stiffness = float(np.exp(tolerances.youngs_modulus * generator.standard_normal()))
+    mass = float(np.exp(tolerances.mass * generator.standard_normal()))
+    gains = np.exp(tolerances.tension * generator.standard_normal(scenario.robot.tendon_count))
+    position = scenario.base_position + tolerances.base_position_m * generator.standard_normal(3)
+    tilt = Rotation.from_rotvec(np.deg2rad(tolerances.base_angle_deg) * generator.standard_normal(3))
+    x, y, z, w = (Rotation.from_matrix(scenario.base_rotation) * tilt).as_quat()
+    moved = base.model_copy(update={"position_m": tuple(position), "quaternion_wxyz": (w, x, y, z)})
+    file = scenario.file.model_copy(update={"base": moved})
+    return _DrawnRobot(replace(scenario, file=file, robot=_vary(scenario.robot, stiffness, mass, gains.max())), gains)
+
+
+def _vary(robot: RobotSpec, stiffness: float, mass: float, gain: float) -> RobotSpec:
+    """Returns a robot whose Young's moduli, masses and tension limits are multiplied by a factor each.
+
+    The limits follow the gains because they are limits of the drive: the commands keep them, whatever comes of them.
+    """
+
+    def rod(backbone: Backbone) -> Backbone:
+        changes = {
+            "youngs_modulus_pa": stiffness * backbone.youngs_modulus_pa,
+            "density_kg_m3": mass * backbone.density_kg_m3,
+        }
+        return backbone.model_copy(update=changes)
+
+    segments = tuple(
+        segment.model_copy(
+            update={
+                "disk_mass_kg": mass * segment.disk_mass_kg,
+                "max_tension_n": max(gain, 1.0) * segment.max_tension_n,
+                "backbone": None if segment.backbone is None else rod(segment.backbone),
+            }
+        )
+        for segment in robot.segments
+    )
+    tip = robot.tip.model_copy(update={"mass_kg": mass * robot.tip.mass_kg})
+    return robot.model_copy(update={"backbone": rod(robot.backbone), "segments": segments, "tip": tip})
