@@ -8,15 +8,14 @@ import numpy as np
 from numba import njit
 
 from tdcr_planner.collision.body import across, part_ball, place_solid
-from tdcr_planner.collision.containment import wrong_part
+from tdcr_planner.collision.containment import deepest_point, wrong_part
 from tdcr_planner.collision.distance import solid_distance
 from tdcr_planner.collision.field import bounds_at, front
+from tdcr_planner.collision.first_look import SPARE, look_at_parts
 from tdcr_planner.collision.self_contact import near_pairs
 
 # CLEAR: touches no wall, but its side is not known yet.
 FREE, HIT, OPEN, CLEAR = 0, 1, 2, 3
-# A part counts as settled only if the bounds hold with this to spare, m: FCL's own answers are this sharp at best.
-SPARE = 1e-6
 # Balls tried for one solid before its exact distance is computed, which costs about as much.
 BALLS = 32
 
@@ -178,13 +177,30 @@ def _settle_exactly(wall, round_ends, centre, axis, half, radius):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def _settle_state(field, wall, side, body, positions, rotations, undecided, parts_open):  # type: ignore[no-untyped-def]
-    """Returns FREE, HIT or OPEN for one state and one mesh; marks the solids left to FCL in `undecided`, shape (m,)."""
-    parts = len(body.part_first) - 1
-    centre, axis = np.empty(3), np.empty(3)
-    left = 0
-    # One ball a part first: it finds most of what is free, and the plain hits before any closer look is paid for.
-    for part in range(parts):
+def _side_of_clear(field, body, index, centre, axis, half):  # type: ignore[no-untyped-def]
+    """Judges the side of a solid that touches no wall by one point of it, as far as the field knows that point's side.
+
+    What such a solid has in front of the entry plane is in one piece, so any point of it there decides.
+    """
+    point = centre
+    if front(field, centre[0], centre[1], centre[2]) <= 0.0:
+        point = np.empty(3)
+        deepest_point(body, index, centre, axis, half, field.plane[3:], point)
+        if front(field, point[0], point[1], point[2]) <= 0.0:
+            return FREE
+    _, _, side = bounds_at(field, point[0], point[1], point[2], 0.0)
+    if side == 0:
+        return CLEAR
+    return FREE if side > 0 else HIT
+
+
+@njit(cache=True, nogil=True)
+def _settle_parts(field, body, positions, rotations, parts_open, left):  # type: ignore[no-untyped-def]
+    """Keeps of the parts left open those that all corners about their middle leave open; returns how many, -1 for a hit."""
+    centre = np.empty(3)
+    kept = 0
+    for i in range(left):
+        part = parts_open[i]
         reach = part_ball(body, part, positions, rotations, centre)
         result = OPEN
         if reach >= 0.0:
@@ -194,10 +210,23 @@ def _settle_state(field, wall, side, body, positions, rotations, undecided, part
                 inscribed = 0.0
             result, _ = _ball(field, centre[0], centre[1], centre[2], reach, inscribed)
             if result == HIT:
-                return HIT
+                return -1
         if result == OPEN:
-            parts_open[left] = part
-            left += 1
+            parts_open[kept] = part
+            kept += 1
+    return kept
+
+
+@njit(cache=True, nogil=True)
+def _settle_state(field, wall, side, body, positions, rotations, undecided, parts_open):  # type: ignore[no-untyped-def]
+    """Returns FREE, HIT or OPEN for one state and one mesh; marks the solids left to FCL in `undecided`, shape (m,)."""
+    # Plain hits are found before any closer look is paid for.
+    left = look_at_parts(field, body, positions, rotations, parts_open)
+    if left > 0:
+        left = _settle_parts(field, body, positions, rotations, parts_open, left)
+    if left <= 0:
+        return FREE if left == 0 else HIT
+    centre, axis = np.empty(3), np.empty(3)
     answer = FREE
     for i in range(left):
         part = parts_open[i]
@@ -214,6 +243,8 @@ def _settle_state(field, wall, side, body, positions, rotations, undecided, part
                 result = _settle_cylinder(field, centre, axis, half, radius)
             if result == OPEN:
                 result = _settle_exactly(wall, body.round_ends[index], centre, axis, half, radius)
+                if result == CLEAR:
+                    result = _side_of_clear(field, body, index, centre, axis, half)
             if result == HIT:
                 return HIT
             if result == OPEN:
