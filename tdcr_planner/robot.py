@@ -61,13 +61,13 @@ class Backbone(FileModel):
 
     @property
     def stiffness_shear_extension(self) -> Vector3:
-        """Diagonal of Kse = diag(GA, GA, EA), N (Rucker and Webster 2011, eq. 5)."""
+        """Diagonal of Kse = diag(GA, GA, EA), N (Rucker and Webster 2011, classical Cosserat rod)."""
         shear = self.shear_modulus * self.area
         return (shear, shear, self.youngs_modulus_pa * self.area)
 
     @property
     def stiffness_bending_torsion(self) -> Vector3:
-        """Diagonal of Kbt = diag(EI, EI, GJ), N m^2, with J = 2 I (Rucker and Webster 2011, eq. 5)."""
+        """Diagonal of Kbt = diag(EI, EI, GJ), N m^2, with J = 2 I (Rucker and Webster 2011, classical Cosserat rod)."""
         bending = self.youngs_modulus_pa * self.second_moment
         return (bending, bending, 2.0 * self.shear_modulus * self.second_moment)
 

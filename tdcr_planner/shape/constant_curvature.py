@@ -12,7 +12,7 @@ from tdcr_planner.shape.base import DiskPoses
 
 
 class ConstantCurvatureShape:
-    """Circular arcs with curvature M / (E I) (Webster and Jones 2010, eq. 2 to 4), M the tendons' moment.
+    """Circular arcs with curvature M / (E I) (Webster and Jones 2010), M the tendons' moment.
 
     Loads are accepted and ignored: that is what a planner does that trusts constant curvature.
     """

@@ -14,7 +14,7 @@ def largest_bending_strain(robot: RobotSpec, solution: RodSolution) -> FloatArra
     """Returns the largest bending strain of each segment's backbone.
 
     radius x |bending part of u - u*|, at the outer fibre, taken over all stages of all integration steps, both sides of
-    every junction included (Gere and Goodno, Mechanics of Materials, eq. 5-7).
+    every junction included (Gere and Goodno, Mechanics of Materials, ch. 5).
 
     Returns:
         Shape (n, segments), dimensionless; NaN for cases without an equilibrium.

@@ -14,7 +14,7 @@ from tdcr_planner.statics.solver import RodSolution
 def tendon_lengths(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike | None = None) -> FloatArray:
     """Returns the length of each tendon's path from the base to the disk that it ends at.
 
-    The integral of |p_i'| = |v + u x r_i| (Rucker and Webster 2011, eq. 12 and 13) over the tendon's segments.
+    The integral of |p_i'| = |v + u x r_i| (Rucker and Webster 2011, tendon kinematics) over the tendon's segments.
 
     Args:
         robot: The robot.
