@@ -41,6 +41,8 @@ class PaperNetwork(nn.Module):
             )
         self.length = float(robot.length)
         self.largest = float(robot.max_tensions[0])
+        # Between two tendons a force of that size takes up to 1 / cos(30 degrees) of it in one of them.
+        self.largest_input = self.largest * 2.0 / 3.0**0.5
         self.first_angle = float(angles[0])
         directions = np.stack([np.cos(robot.tendon_angles), np.sin(robot.tendon_angles)], axis=1)
         self.register_buffer("directions", torch.as_tensor(directions))
@@ -114,7 +116,9 @@ class PaperNetwork(nn.Module):
     @torch.jit.export
     def cross_sections(self, rows: Tensor) -> Tensor:
         """Returns p (m), theta (rad) and u (1/m), shape (n, 9), of rows s (m), tau_1, tau_2 (N), shape (n, 3)."""
-        scale = torch.tensor([self.length, self.largest, self.largest], dtype=rows.dtype, device=rows.device)
+        scale = torch.tensor(
+            [self.length, self.largest_input, self.largest_input], dtype=rows.dtype, device=rows.device
+        )
         y = rows / scale
         first = True
         for layer in self.layers:

@@ -143,77 +143,142 @@ class BoundSettings(FileModel):
         return self
 
 
+class ReferenceWeights(FileModel):
+    """Weights of one set of reference points: squared position and curvature distance, and rotation.
+
+    Attributes:
+        position: Mean squared distance of the components of p.
+        rotation: Mean rotation distance (20); at the base the mean square of the components of theta.
+        curvature: Mean squared distance of the components of u.
+    """
+
+    position: NotNegative
+    rotation: NotNegative
+    curvature: NotNegative
+
+
+class PaperWeights(FileModel):
+    """Weights of the parts of the published loss; each part is a mean over points and components.
+
+    The last five are the sets of reference points, see `PaperBatches`.
+
+    Attributes:
+        position_slope: p' = R e3 at the collocation points.
+        rotation_slope: R' = R [u]x there.
+        curvature_slope: u' as the balance of forces and moments has it (Rucker and Webster 2011, eq. 17).
+        strain_slope: v' = 0 against the same balance.
+        base_position: p(0) = 0 under the tensions of the collocation points.
+        base_rotation: theta(0) = 0 likewise.
+        tip_moment: Constitutive law and tendons' moment agree at the tip.
+        base_curvature: u(0) is what the moment at the tip, there being no loads, gives at the base.
+        arc_length: Length of the backbone.
+        at_base: Reference points at s = 0.
+        between: Reference points at the disks between.
+        at_tip: Reference points at s = l.
+        largest_force: Reference points of the actuations of largest force, all disks.
+        no_force: The straight robot.
+    """
+
+    position_slope: NotNegative = 1e4
+    rotation_slope: NotNegative = 1e3
+    curvature_slope: NotNegative = 1.0
+    strain_slope: NotNegative = 1e7
+    base_position: NotNegative = 1e7
+    base_rotation: NotNegative = 1e3
+    tip_moment: NotNegative = 1e8
+    base_curvature: NotNegative = 1.0
+    arc_length: NotNegative = 1e2
+    at_base: ReferenceWeights = ReferenceWeights(position=1e7, rotation=1e3, curvature=1.0)
+    between: ReferenceWeights = ReferenceWeights(position=1e7, rotation=1e2, curvature=1.0)
+    at_tip: ReferenceWeights = ReferenceWeights(position=1e6, rotation=1e1, curvature=1.0)
+    largest_force: ReferenceWeights = ReferenceWeights(position=1e6, rotation=1e1, curvature=1.0)
+    no_force: ReferenceWeights = ReferenceWeights(position=1e7, rotation=1e1, curvature=1e1)
+
+
+class PaperBatches(FileModel):
+    """Reference points a step, of each set; `largest_force` and `no_force` hold all disks, the others part of them.
+
+    Attributes:
+        at_base: s = 0.
+        between: The disks between.
+        at_tip: s = l.
+        largest_force: The largest force, all around the sector.
+        no_force: The straight robot.
+    """
+
+    at_base: Count = 4
+    between: Count = 76
+    at_tip: Count = 4
+    largest_force: Count = 168
+    no_force: Count = 128
+
+
 class PaperSettings(FileModel):
-    """The published network and its training (Bensch et al. 2024), numbers as the authors give them.
+    """The published network and its training (Bensch et al. 2024), numbers as the authors' program has them.
 
     Attributes:
         hidden: Width of each hidden layer: the first with SiLU, the others with tanh.
         epochs: Epochs in all.
-        cycle_epochs: Epochs of the one-cycle schedule; after them the rate falls on plateaus.
-        learning_rate: Peak of the cycle.
-        weight_decay: AdamW's weight decay.
-        plateau_factor: Factor on the rate when the validation loss has not fallen.
+        learning_rate: Peak of the one-cycle rate.
+        cycle_epochs: Length of the whole cycle.
+        warm_up: Part of the cycle in which the rate rises.
+        first_divisor: The rate begins at the peak over this.
+        last_divisor: The cycle ends at the first rate over this.
+        plateau_from_epoch: From here on the rate stays where the cycle left it, and falls on plateaus of the loss.
+        plateau_factor: Factor on the rate when the loss has not fallen.
         plateau_patience: Epochs to wait for a fall.
+        plateau_cooldown: Epochs after a fall of the rate in which the loss is not judged.
+        weight_decay: AdamW's weight decay.
         grid: Points of the collocation grid along arc length, direction and force.
         batch_size: Collocation points a step.
         reference_grid: Directions and forces of the actuations with a reference shape.
         edge_actuations: Directions with a reference shape at the largest force.
-        data_batch: Disks with reference poses a step, drawn from all.
+        training_share: Part of the reference points that is trained on; the rest is for validation.
+        reference_batch: Reference points a step.
         arc_points: Points by which the length of a predicted shape is measured.
-        arc_actuations: Shapes a step whose length is measured.
-        worst: Collocation points of largest loss around which others are drawn.
-        redrawn_share: Part of the points that is drawn around the worst.
+        arc_actuations: Shapes a step whose length is measured: the first of the batch.
+        resampling_probability: With which an epoch draws its collocation points around the worst actuations.
+        worst_actuations: Actuations of largest error around which is drawn.
+        worst_arc_lengths: Arc lengths of each around which is drawn.
         spread_arc_length_m: Standard deviation of those draws along the arc length.
-        spread_tension: The same of the tensions, as a share of the largest.
+        spread_tension_n: The same of each tension.
         weights: Weights of the parts of the loss.
     """
 
-    class Weights(FileModel):
-        """Weights of the parts of the loss: equations (15) to (21) of the paper.
-
-        Attributes:
-            position_slope: p' = R e3 at the collocation points, (15).
-            rotation_slope: R' = R [u]x there, (15).
-            curvature_slope: The balance of moments, u' as Rucker and Webster 2011 have it, (15).
-            base_position: p(0) = 0, (16).
-            base_rotation: R(0) = I, (16).
-            tip_moment: Constitutive law and tendons' moment agree at the tip, (17).
-            position: Reference positions, (18).
-            rotation: Distance (20) from reference rotations, (19).
-            curvature: Reference curvatures, (19).
-            arc_length: Length of the backbone, (21).
-        """
-
-        position_slope: NotNegative = 1e4
-        rotation_slope: NotNegative = 1e3
-        curvature_slope: NotNegative = 1.0
-        base_position: NotNegative = 1e7
-        base_rotation: NotNegative = 1e3
-        tip_moment: NotNegative = 1e8
-        position: NotNegative = 1e7
-        rotation: NotNegative = 1e2
-        curvature: NotNegative = 1.0
-        arc_length: NotNegative = 1e2
-
-    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (100, 100, 100)
-    epochs: Count = 1500
-    cycle_epochs: Count = 150
+    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (100, 100, 100, 100)
+    epochs: Count = 6070
     learning_rate: Positive = 1.5e-4
-    weight_decay: NotNegative = 0.01
-    plateau_factor: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.5
+    cycle_epochs: Count = 1500
+    warm_up: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
+    first_divisor: Annotated[float, Field(ge=1.0)] = 10.0
+    last_divisor: Annotated[float, Field(ge=1.0)] = 100.0
+    plateau_from_epoch: Annotated[int, Field(ge=0)] = 450
+    plateau_factor: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.9
     plateau_patience: Count = 20
+    plateau_cooldown: Annotated[int, Field(ge=0)] = 10
+    weight_decay: NotNegative = 0.01
     grid: tuple[Count, Count, Count] = (32, 32, 32)
     batch_size: Count = 1024
     reference_grid: tuple[Count, Count] = (9, 9)
     edge_actuations: Count = 96
-    data_batch: Count = 248
+    training_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.7
+    reference_batch: PaperBatches = PaperBatches()
     arc_points: Annotated[int, Field(ge=2)] = 200
-    arc_actuations: Count = 16
-    worst: Count = 10
-    redrawn_share: Share = 0.25
-    spread_arc_length_m: Positive = 0.006
-    spread_tension: Positive = 0.03
-    weights: Weights = Weights()
+    arc_actuations: Count = 1024
+    resampling_probability: Share = 0.1
+    worst_actuations: Count = 10
+    worst_arc_lengths: Count = 10
+    spread_arc_length_m: Positive = 0.0775
+    spread_tension_n: Positive = 0.324
+    weights: PaperWeights = PaperWeights()
+
+    @model_validator(mode="after")
+    def _check_cycle(self) -> PaperSettings:
+        if self.plateau_from_epoch > self.cycle_epochs:
+            raise ValueError(
+                f"expected plateau_from_epoch at most cycle_epochs = {self.cycle_epochs}, got {self.plateau_from_epoch}"
+            )
+        return self
 
 
 class TrainSettings(FileModel):

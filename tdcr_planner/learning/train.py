@@ -26,6 +26,7 @@ from tdcr_planner.learning.dataset import (
 )
 from tdcr_planner.learning.export import UNITS, library_versions, write_model
 from tdcr_planner.learning.judge import Predict, calibrate_bound, measure_accuracy
+from tdcr_planner.learning.logs import TrainingLog
 from tdcr_planner.learning.losses import physics_loss, reference_loss
 from tdcr_planner.learning.network import ShootingNetwork, learned_weights
 from tdcr_planner.learning.settings import TrainSettings
@@ -91,7 +92,7 @@ def train_model(
     if settings.network == "paper":
         from tdcr_planner.learning.paper import train_paper_network
 
-        network: nn.Module = train_paper_network(robot, settings, out, progress=progress)
+        network: nn.Module = train_paper_network(robot, settings, out, progress=progress, log_folder=log_folder)
         weights = None
         predict = _torch_predictor(network)
     else:
@@ -129,17 +130,13 @@ def train_shooting_network(
     state = load_checkpoint(path, *keys)
     if state is not None:
         run.restore(state)
-    writer = _open_log(log_folder)
-    while run.epoch < settings.optimiser.epochs:
-        loss = run.train_epoch()
-        score = run.validate()
-        save_checkpoint(path, *keys, run.state())
-        progress("training", run.epoch, settings.optimiser.epochs, f"loss {loss:.2e}, residual {score:.2e} N m")
-        if writer is not None:
-            writer.add_scalar("loss", loss, run.epoch)
-            writer.add_scalar("validation/residual_nm", score, run.epoch)
-    if writer is not None:
-        writer.close()
+    with TrainingLog(log_folder) as log:
+        while run.epoch < settings.optimiser.epochs:
+            loss = run.train_epoch()
+            score = run.validate()
+            save_checkpoint(path, *keys, run.state())
+            progress("training", run.epoch, settings.optimiser.epochs, f"loss {loss:.2e}, residual {score:.2e} N m")
+            log.add(run.epoch, {"loss": loss, "validation/residual_nm": score})
     network.load_state_dict(run.best_weights)
     return network.cpu()
 
@@ -353,15 +350,3 @@ def _copy_weights(path: Path, network: ShootingNetwork) -> None:
 
         raise FormatError(path, "its network has other layers than [shooting] asks for", "measured.start_from")
     network.load_state_dict({**mine, **learned})
-
-
-def _open_log(folder: Path | None) -> Any:
-    if folder is None:
-        return None
-    from tdcr_planner.errors import InputError
-
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError as error:
-        raise InputError("log_folder", "the package tensorboard to be installed", "no tensorboard") from error
-    return SummaryWriter(str(folder))
