@@ -14,7 +14,8 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import ConfigurationGoal, GoalSource, TipGoal
 from tdcr_planner.planning.objectives import PathCost
-from tdcr_planner.planning.ompl_run import PLANNERS, REFUSED, PlannerRun, Progress, check_planner, planner_parameters
+from tdcr_planner.planning.offered import PLANNERS, REFUSED, check_planner, planner_parameters
+from tdcr_planner.planning.ompl_run import PlannerRun, Progress
 from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.smoothing import shorten
 from tdcr_planner.planning.spaces import ConfigurationSpace

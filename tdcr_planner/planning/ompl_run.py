@@ -1,9 +1,8 @@
-"""One run of an OMPL planner, by name: what is offered, its parameters, and callbacks that cannot bring it down."""
+"""One run of an OMPL planner: its trees, their renewal, and callbacks that cannot bring it down."""
 
 from __future__ import annotations
 
-import inspect
-import re
+import math
 import time
 import traceback
 from collections.abc import Callable
@@ -16,64 +15,22 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.errors import InputError, nearest_name
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import GoalSource
+from tdcr_planner.planning.interrupts import interrupts_kept
 from tdcr_planner.planning.objectives import PathCost
+from tdcr_planner.planning.offered import convert_parameter, planner_setters
 from tdcr_planner.planning.validity import ValidityChecker
 
 Progress = Callable[[float, str], None]
 
-PLANNERS: tuple[str, ...] = (
-    "RRTConnect",
-    "RRT",
-    "RRTstar",
-    "InformedRRTstar",
-    "SORRTstar",
-    "AORRTC",
-    "BITstar",
-    "FMT",
-    "BFMT",
-    "KPIECE1",
-    "BKPIECE1",
-    "LBKPIECE1",
-)
-REFUSED: dict[str, str] = {
-    "PRM": "it runs a second thread, in which an exception or Ctrl-C ends the process",
-    "PRMstar": "it runs a second thread, in which an exception or Ctrl-C ends the process",
-    **dict.fromkeys(
-        ("LazyPRM", "LazyPRMstar", "AITstar", "EITstar", "EST", "BiEST", "SST", "TRRT", "STRIDE", "CForest", "SPARS"),
-        "OMPL's Python bindings do not have it",
-    ),
-}
 _SINGLE_SHOT = frozenset({"FMT", "BFMT"})
-_NOT_PARAMETERS = {"setName"}
+# Those whose search ends at the first path and whose luck rests on their first samples; see docs/planning.md.
+_RENEWED = frozenset({"RRTConnect", "RRT", "KPIECE1", "BKPIECE1", "LBKPIECE1"})
+_FIRST_TREE = 512  # iterations after which they start again, twice as many each time
+_KEPT_SHARE = 0.2  # OMPL's default of the shortest part of a motion that KPIECE1 keeps
 _PROGRESS_PERIOD_S = 0.1
 _DEFAULT_RANGE = 0.1  # longest edge of a tree, in robot lengths of body motion
-
-
-def planner_parameters(name: str) -> dict[str, type]:
-    """Returns the parameters of a planner with their types, by name (OMPL's setters in snake case).
-
-    Raises:
-        InputError: The planner is not offered; the message names those that are, and why an OMPL planner is refused.
-    """
-    check_planner(name)
-    return {key: kind for key, (_, kind) in _setters(name).items()}
-
-
-def check_planner(name: str, parameters: dict[str, Any] | None = None) -> None:
-    """Raises InputError unless a planner of that name is offered and has those parameters."""
-    if name not in PLANNERS:
-        reason = f" (OMPL has {name}, but {REFUSED[name]})" if name in REFUSED else ""
-        raise InputError("planner.name", nearest_name(name, PLANNERS), f"{name!r}{reason}")
-    if not parameters:
-        return
-    known = {**planner_parameters(name), "iterations": int}
-    for key, value in parameters.items():
-        if key not in known:
-            raise InputError(f"planner.parameters of {name}", nearest_name(key, known), repr(key))
-        _convert(key, value, known[key])
 
 
 @dataclass
@@ -88,7 +45,8 @@ class PlannerRun:
         deadline: When to end, by time.monotonic().
         cost: What the planners that improve their path minimise.
         progress: Told a fraction of the time and a message now and then; may raise to end the search.
-        iterations: How often the planner has asked whether to go on.
+        iterations: How often the planner has asked whether to go on, in all of its trees.
+        error: What a callback or Ctrl-C has raised, while OMPL runs.
     """
 
     checker: ValidityChecker
@@ -106,6 +64,13 @@ class PlannerRun:
         self._reported = self._begin
         self._most = int(self.parameters.get("iterations", 0))
         self._scale = self.checker.motion_scale
+        self._tree = _FIRST_TREE
+        self._renewal = float(_FIRST_TREE) if self.name in _RENEWED else math.inf
+        self._samples = 0
+        self._over = False
+        # KPIECE1 keeps the valid part of a motion, which the binding gives it no way to ask about; see `edge_valid`.
+        share = float(self.parameters.get("min_valid_path_fraction", _KEPT_SHARE))
+        self._halvings = int(-math.log2(min(max(share, 1e-3), 1.0))) if self.name == "KPIECE1" else 0
 
     def run(self, start: FloatArray, goal: GoalSource, seed: int) -> FloatArray | None:
         """Returns the waypoints of a path, shape (k, dimension), or None.
@@ -124,7 +89,8 @@ class PlannerRun:
         information.setup()
         states = ob.GoalStates(information)
         self._goal, self._states, self._information = goal, states, information
-        rows = self._solve(information, states, start)
+        with interrupts_kept(self._keep):
+            rows = self._solve(information, states, start)
         # The binding keeps what a callback holds alive: without this the planner's tree would never be freed.
         del self._goal, self._states, self._information
         if self.error is not None:
@@ -148,32 +114,41 @@ class PlannerRun:
         else:
             definition.setOptimizationObjective(_CostObjective(information, self))
         condition = ob.PlannerTerminationCondition(self._stop)
-        samples = 0
         while self.error is None:
             planner = getattr(og, self.name)(information)
-            self._configure(planner, samples)
+            self._configure(planner)
             planner.setProblemDefinition(definition)
             planner.setup()
             planner.solve(condition)
-            if self.name not in _SINGLE_SHOT or definition.hasExactSolution() or self._stop():
+            if definition.hasExactSolution() or self._over or not self._renew(planner):
                 break
-            samples = max(2 * samples, 2 * planner.getNumSamples())
             definition.clearSolutionPaths()
         if self.error is not None or not definition.hasExactSolution():
             return None
         path = definition.getSolutionPath()
         return np.array([self._read(path.getState(index)) for index in range(path.getStateCount())])
 
-    def _configure(self, planner: Any, samples: int) -> None:
-        setters = _setters(self.name)
+    def _renew(self, planner: Any) -> bool:
+        """Returns whether to search again from the start, with more samples or longer; not where a planner gave up."""
+        if self.name in _SINGLE_SHOT:
+            self._samples = max(2 * self._samples, 2 * planner.getNumSamples())
+            return not self._stop()
+        if self.iterations < self._renewal:
+            return False
+        self._tree *= 2
+        self._renewal = self.iterations + self._tree
+        return True
+
+    def _configure(self, planner: Any) -> None:
+        setters = planner_setters(self.name)
         if "range" in setters and "range" not in self.parameters:
             planner.setRange(_DEFAULT_RANGE * self.checker.robot.length)
         for key, value in self.parameters.items():
             if key != "iterations":
                 setter, kind = setters[key]
-                getattr(planner, setter)(_convert(key, value, kind))
-        if samples:
-            planner.setNumSamples(samples)
+                getattr(planner, setter)(convert_parameter(key, value, kind))
+        if self._samples:
+            planner.setNumSamples(self._samples)
 
     def _space(self) -> Any:
         """Returns the space whose coordinates are metres of motion of the body (row times motion scale)."""
@@ -200,6 +175,11 @@ class PlannerRun:
             self._write(state, row)
             self._states.addState(state)
 
+    def _keep(self, error: BaseException) -> None:
+        """Keeps the first error, which ends the search."""
+        if self.error is None:
+            self.error = error
+
     # These callbacks run inside OMPL. What they raise is kept and ends the search; `run` raises it outside.
 
     def _state_valid(self, state: Any) -> bool:
@@ -212,11 +192,22 @@ class PlannerRun:
             return False
 
     def edge_valid(self, state_a: Any, state_b: Any) -> bool:
-        """Returns whether an edge of the planner is valid."""
+        """Returns whether an edge of the planner is valid.
+
+        For KPIECE1, whether the edge or its first half, quarter ... is, of which state_b is made the end: the planner
+        adds to its tree what state_b holds, and asks about no other edges than those of its tree.
+        """
         if self.error is not None:
             return False
         try:
-            return bool(self.edges.check_edge(self._read(state_a), self._read(state_b)))
+            start, end = self._read(state_a), self._read(state_b)
+            for halving in range(self._halvings + 1):
+                if self.edges.check_edge(start, end):
+                    if halving:
+                        self._write(state_b, end)
+                    return True
+                end = 0.5 * (start + end)
+            return False
         except BaseException as error:
             self.error = error
             return False
@@ -233,12 +224,13 @@ class PlannerRun:
             return 0.0
 
     def _stop(self) -> bool:
-        if self.error is not None:
+        if self._over or self.error is not None:
             return True
         try:
             self.iterations += 1
             now = time.monotonic()
             if now >= self.deadline or (self._most and self.iterations >= self._most):
+                self._over = True
                 return True
             if self._goal.due(self.iterations):
                 self._goal.search()
@@ -247,7 +239,7 @@ class PlannerRun:
                 self._reported = now
                 share = (now - self._begin) / max(self.deadline - self._begin, 1e-9)
                 self.progress(share, f"{self.edges.edges_checked} edges, {self.checker.states_checked} states")
-            return False
+            return self.iterations >= self._renewal
         except BaseException as error:
             self.error = error
             return True
@@ -283,32 +275,6 @@ class _CostObjective(ob.OptimizationObjective):
     def motionCostHeuristic(self, state_a: Any, state_b: Any) -> Any:  # noqa: N802
         """Returns the least that an edge between two states can cost."""
         return ob.Cost(self._run.price(state_a, state_b, least=True))
-
-
-def _setters(name: str) -> dict[str, tuple[str, type]]:
-    """Returns the setter and the type of each parameter of a planner by its name in snake case.
-
-    Types come from the signatures that the binding writes into docstrings: a getter called before `setup` can crash.
-    """
-    found = {}
-    for setter, method in inspect.getmembers(getattr(og, name)):
-        signature = re.match(r"set[A-Z]\w*\(self, \w+: (bool|int|float)\)", method.__doc__ or "")
-        if signature and setter not in _NOT_PARAMETERS:
-            key = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", setter[3:]).lower()
-            found[key] = (setter, {"bool": bool, "int": int, "float": float}[signature[1]])
-    return found
-
-
-def _convert(key: str, value: Any, kind: type) -> Any:
-    """Returns a parameter's value as the type that its setter takes."""
-    if kind is bool and isinstance(value, bool):
-        return value
-    if kind is int and isinstance(value, int) and not isinstance(value, bool) and value >= 0:
-        return value
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value):
-        return float(value)
-    wanted = {bool: "true or false", int: "a whole number of 0 or more", float: "a finite number"}[kind]
-    raise InputError(f"planner.parameters.{key}", wanted, repr(value))
 
 
 def _seed(seed: int) -> None:

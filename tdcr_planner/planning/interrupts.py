@@ -1,0 +1,40 @@
+"""Interrupts: Ctrl-C while a compiled library calls back, kept until the library has returned."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+@contextmanager
+def interrupts_kept(keep: Callable[[BaseException], None]) -> Iterator[None]:
+    """Passes what a SIGINT raises to `keep` instead of raising it, while the block runs.
+
+    Python raises KeyboardInterrupt at the next instruction that it runs. When the signal comes while a compiled
+    library is at work, that is the first one of the library's next callback, before any `try` in it, and the exception
+    would pass through code that knows nothing of exceptions. The caller raises what it was given after the block.
+    Outside of the main thread, and where SIGINT has no Python handler, nothing is changed.
+
+    Args:
+        keep: Takes what the handler that was there before has raised.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        try:
+            before(number, frame)
+        except BaseException as error:
+            # Its frames lead to the interrupted ones, and those hold what the library frees.
+            keep(error.with_traceback(None))
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
