@@ -15,6 +15,7 @@ from tdcr_planner.compare.paths import PlannedPath, plan_path
 from tdcr_planner.compare.timing import CheckTime, measure_times
 from tdcr_planner.compare.verdicts import (
     MODELS,
+    REFERENCE_VERDICTS,
     VARIANTS,
     Variant,
     Verdicts,
@@ -24,6 +25,7 @@ from tdcr_planner.compare.verdicts import (
 )
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.planning.scenario import Scenario, Validity
+from tdcr_planner.planning.validity import CAUSES
 from tdcr_planner.session import PlanningSession
 from tdcr_planner.workers import ALLOWED_LOSSES, Outcome, WorkersError, run_jobs
 
@@ -44,6 +46,8 @@ class Disagreement:
         variant: Name of the variant.
         kind: "false_valid" or "false_invalid".
         state: Its index among the sampled states.
+        cause: Why it is invalid for the one that rejects it: a cause of `planning.validity` for the variant, one of
+            REFERENCE_VERDICTS for the reference.
         row: The configuration, shape (dimension,).
         clearance: Under the reference, m.
         deviation: Of the model from the reference, m.
@@ -56,6 +60,7 @@ class Disagreement:
     variant: str
     kind: Kind
     state: int
+    cause: str
     row: FloatArray
     clearance: float
     deviation: float
@@ -205,9 +210,9 @@ def _run(session: PlanningSession, tasks: Sequence[_Task], jobs: int) -> Iterato
 
 
 def _worst_disagreements(session: PlanningSession, verdicts: Verdicts) -> Iterator[Disagreement]:
-    """Yields the false-valid states of least clearance and the false-invalid ones of most, by variant."""
-    for variant in VARIANTS:
-        if variant.with_half_step:
+    """Yields the false-valid states of least clearance and the false-invalid ones of most, model by model."""
+    for place_of_variant, variant in enumerate(VARIANTS):
+        if variant.name not in MODELS:
             continue
         valid, truth = verdicts.valid(variant), verdicts.reference_valid
         deviation = verdicts.deviation_of(variant.model)
@@ -231,6 +236,7 @@ def _worst_disagreements(session: PlanningSession, verdicts: Verdicts) -> Iterat
                     variant=variant.name,
                     kind=kind,
                     state=state,
+                    cause=_cause(verdicts, state, place_of_variant),
                     row=rows[place],
                     clearance=float(verdicts.clearance[state]),
                     deviation=float(deviation[state]),
@@ -239,3 +245,8 @@ def _worst_disagreements(session: PlanningSession, verdicts: Verdicts) -> Iterat
                     model_positions=positions[place],
                     model_rotations=rotations[place],
                 )
+
+
+def _cause(verdicts: Verdicts, state: int, variant: int) -> str:
+    code = int(verdicts.codes[state, variant])
+    return CAUSES[code - 1].value if code else REFERENCE_VERDICTS[int(verdicts.reference[state])]

@@ -20,12 +20,12 @@ def load_scene_meshes(scenario: Scenario) -> list[SceneMesh]:
     """Returns the meshes of a scenario in metres, each with its role and, for a cavity, its entry plane."""
     meshes = []
     for entry in scenario.file.meshes:
-        point, normal = _entry_plane(scenario, entry)
+        point, normal = entry_plane(scenario, entry)
         meshes.append(load_scene_mesh(scenario.resolve(entry.file), entry.unit, entry.role, point, normal))
     return meshes
 
 
-def _entry_plane(scenario: Scenario, mesh: MeshEntry) -> tuple[Any, Any]:
+def entry_plane(scenario: Scenario, mesh: MeshEntry) -> tuple[Any, Any]:
     """Returns point and normal of the plane through which the body enters a cavity; None twice for an obstacle."""
     if mesh.role != "cavity":
         return None, None
@@ -60,7 +60,7 @@ def scene_facts(scenario: Scenario, known: Mapping[Path, str] | None = None) -> 
 
     meshes = []
     for mesh in scenario.file.meshes:
-        point, normal = _entry_plane(scenario, mesh)
+        point, normal = entry_plane(scenario, mesh)
         entry = None if point is None else {"point_m": point.tolist(), "normal": normal.tolist()}
         meshes.append(
             {"sha256": content(scenario.resolve(mesh.file)), "unit": mesh.unit, "role": mesh.role, "entry": entry}

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from tdcr_planner.compare.comparison import Comparison
 from tdcr_planner.compare.confusion import EXCESS_EDGES, agreement_by_clearance
@@ -19,7 +20,7 @@ from tdcr_planner.report import plots
 _DPI = 120
 _LABELS = {
     "learned": "learned, with its error bound",
-    "learned_without_bound": "learned, without it",
+    "learned_without_bound": "learned, without the bound",
     "constant_curvature": "constant curvature",
     "learned_as_planned": "learned, as planned",
     "constant_curvature_as_planned": "constant curvature, as planned",
@@ -34,6 +35,8 @@ _COLOURS = {
     "reference": plots.INK,
 }
 _SHOWN_DOTS = 20_000
+_MARKERS = {"learned": "o", "learned_without_bound": "s", "constant_curvature": "D"}
+_DODGE = 0.22
 
 
 def write_compare_plots(comparison: Comparison, folder: Path) -> None:
@@ -60,6 +63,7 @@ def draw_rates(comparison: Comparison) -> Figure:
         rates = [comparison.confusion(variant).rates[kind] for variant in VARIANTS]
         _draw_rates(axes, names, rates)
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(FuncFormatter(_plain_number))
         axes.set_xlim(0.3 * 100.0 / len(comparison.verdicts.rows), 100.0)
         axes.set_title(title)
         axes.set_xlabel(f"of {len(comparison.verdicts.rows):,} states (%), line: 95 % interval")
@@ -82,86 +86,120 @@ def _draw_rates(axes: Axes, names: list[str], rates: list[Rate]) -> None:
 
 def draw_agreement(comparison: Comparison) -> Figure:
     """Returns a figure of the share of states on which model and reference agree, by clearance."""
-    figure = plots.new_figure(1000, 560, _DPI)
+    figure = plots.new_figure(1200, 620, _DPI)
     axes = figure.subplots()
-    verdicts = comparison.verdicts
-    for variant in (variant for variant in VARIANTS if not variant.with_half_step):
+    verdicts, counts = comparison.verdicts, np.zeros(len(EXCESS_EDGES) - 1, dtype=np.int64)
+    shown = [variant for variant in VARIANTS if not variant.with_half_step]
+    for number, variant in enumerate(shown):
         bins = agreement_by_clearance(
             verdicts.valid(variant),
             verdicts.reference_valid,
             verdicts.clearance,
             comparison.scenario.planner.clearance_m,
         )
-        place = [float(np.searchsorted(EXCESS_EDGES, part.low)) for part in bins]
-        share = [100.0 * part.agreement.value for part in bins]
-        low, high = ([100.0 * getattr(part.agreement, end) for part in bins] for end in ("low", "high"))
-        colour = _COLOURS[variant.name]
-        axes.fill_between(place, low, high, color=colour, alpha=0.15, linewidth=0.0)
-        axes.plot(place, share, "o-", color=colour, label=_LABELS[variant.name], markersize=5)
-    labels = [_bin_label(*ends) for ends in itertools.pairwise(EXCESS_EDGES)]
-    axes.set_xticks(range(len(labels)), labels, rotation=45, ha="right")
-    axes.axvline(float(np.searchsorted(EXCESS_EDGES, 0.0)) - 0.5, color=plots.ALERT, linewidth=1.2, linestyle="--")
-    axes.set_ylim(0.0, 103.0)
-    axes.set_xlabel("clearance under the reference, from the clearance asked (mm)")
+        place = np.array([int(np.searchsorted(EXCESS_EDGES, part.low)) for part in bins])
+        counts[place] = [part.agreement.total for part in bins]
+        share, low, high = (
+            100.0 * np.array([getattr(part.agreement, end) for part in bins]) for end in ("value", "low", "high")
+        )
+        axes.errorbar(
+            place + (number - 0.5 * (len(shown) - 1)) * _DODGE,
+            share,
+            yerr=(share - low, high - share),
+            fmt=_MARKERS[variant.name],
+            color=_COLOURS[variant.name],
+            markersize=5.5,
+            elinewidth=1.4,
+            label=_LABELS[variant.name],
+        )
+    labels = [
+        f"{_bin_label(*ends)}\n{count:,}" for ends, count in zip(itertools.pairwise(EXCESS_EDGES), counts, strict=True)
+    ]
+    axes.set_xticks(range(len(labels)), labels)
+    for edge in range(1, len(labels)):
+        axes.axvline(edge - 0.5, color=plots.GRID, linewidth=0.8)
+    axes.axvline(float(np.searchsorted(EXCESS_EDGES, 0.0)) - 0.5, color=plots.ALERT, linewidth=1.4, linestyle="--")
+    axes.set_xlim(-0.5, len(labels) - 0.5)
+    axes.set_ylim(-2.0, 103.0)
+    axes.set_xlabel(
+        "clearance under the reference, from the clearance asked (mm), and states in the bin\n"
+        "left of the dashed line: invalid by clearance"
+    )
     axes.set_ylabel("agreement with the reference (%)")
-    axes.set_title("Agreement against clearance, band: 95 % interval")
-    axes.legend(loc="lower right")
+    axes.set_title("Agreement against clearance, line: 95 % interval")
+    axes.grid(visible=False, axis="x")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.26), ncols=len(shown))
     figure.tight_layout()
     return figure
 
 
 def _bin_label(low: float, high: float) -> str:
+    low_mm, high_mm = (_plain_number(1e3 * end) for end in (low, high))
     if np.isinf(low):
-        return f"below {1e3 * high:g}"
+        return f"below\n{high_mm}"
     if np.isinf(high):
-        return f"above {1e3 * low:g}"
-    return f"{1e3 * low:g} to {1e3 * high:g}"
+        return f"above\n{low_mm}"
+    return f"{low_mm} to\n{high_mm}"
+
+
+def _plain_number(value: float, _position: int | None = None) -> str:
+    """Returns a number as people write it, with a true minus: a formatter of ticks, too."""
+    return f"{value:g}".replace("-", "\N{MINUS SIGN}")
 
 
 def draw_deviation(comparison: Comparison) -> Figure:
-    """Returns a figure of each state's deviation against its clearance, wrong verdicts marked."""
+    """Returns a figure of each state's deviation against its clearance, wrong verdicts marked, with their medians."""
     verdicts, asked = comparison.verdicts, comparison.scenario.planner.clearance_m
-    figure = plots.new_figure(1300, 560, _DPI)
+    figure = plots.new_figure(1300, 660, _DPI)
     shown = np.zeros(len(verdicts.rows), dtype=np.bool_)
     shown[:_SHOWN_DOTS] = True
     all_axes = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, name in zip(all_axes, MODELS, strict=True):
         variant = next(variant for variant in VARIANTS if variant.name == name)
         valid, truth = verdicts.valid(variant), verdicts.reference_valid
-        x, y = 1e3 * (verdicts.clearance - asked), 1e3 * np.maximum(verdicts.deviation_of(name), 1e-7)
-        for which, colour, size, label in (
-            (shown & (valid == truth), plots.MUTED, 2.0, "right"),
-            (~valid & truth, plots.PALETTE["orange"], 5.0, "false invalid"),
-            (valid & ~truth, plots.ALERT, 8.0, "false valid"),
+        deviation = 1e3 * verdicts.deviation_of(name)
+        x, y = 1e3 * (verdicts.clearance - asked), np.maximum(deviation, 1e-4)
+        for which, sample, colour, size, label in (
+            (valid == truth, shown, plots.MUTED, 2.0, "right"),
+            (~valid & truth, True, plots.PALETTE["orange"], 7.0, "false invalid"),
+            (valid & ~truth, True, plots.ALERT, 8.0, "false valid"),
         ):
+            known = deviation[which & np.isfinite(deviation)]
+            median = f", median {np.median(known):.2g} mm" if len(known) else ""
             axes.scatter(
-                x[which], y[which], s=size, color=colour, linewidths=0.0, rasterized=True,
-                label=f"{label} ({int(((valid == truth) if label == 'right' else which).sum()):,})",
+                x[which & sample], y[which & sample], s=size, color=colour, linewidths=0.0, rasterized=True,
+                label=f"{label}: {int(which.sum()):,}{median}",
             )  # fmt: skip
         axes.axvline(0.0, color=plots.INK, linewidth=0.8)
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(FuncFormatter(_plain_number))
         axes.set_title(_LABELS[name])
         axes.set_xlabel("clearance under the reference, from the clearance asked (mm)")
-        axes.legend(loc="lower right", markerscale=2.5)
+        legend = axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.12), handletextpad=0.1)
+        for dots in legend.legend_handles:
+            dots.set_sizes([24.0])
     known = verdicts.clearance[np.isfinite(verdicts.clearance)]
     if len(known):
         low, high = 1e3 * (np.quantile(known, [0.005, 0.995]) - asked)
         all_axes[0].set_xlim(min(low, -1.0), max(high, 1.0))
-    all_axes[0].set_ylabel("largest distance of a disk from the reference (mm)")
+    all_axes[0].set_ylabel("largest distance of a disk from the reference\n(mm; less than 0.0001 is drawn there)")
     figure.tight_layout()
     return figure
 
 
 def draw_times(comparison: Comparison) -> Figure:
-    """Returns a figure of the time a verdict takes, shape and whole check."""
+    """Returns a figure of the time a verdict takes, shape and whole check, and of the ratio to the reference's."""
     figure = plots.new_figure(900, 360, _DPI)
     axes = figure.subplots()
+    slowest = max(item.check_us for item in comparison.times)
     for place, item in enumerate(comparison.times):
         colour = _COLOURS[item.model]
         axes.barh(place, item.check_us, 0.6, color=colour, alpha=0.35)
-        axes.barh(place, item.shape_us, 0.6, color=colour)
+        axes.barh(place, min(item.shape_us, item.check_us), 0.6, color=colour)
+        ratio = slowest / item.check_us
         axes.annotate(
-            f"{item.check_us:.3g} µs, {item.shape_us:.3g} of it for the shape",
+            f"{item.check_us:.3g} µs, the shape alone {item.shape_us:.3g} µs"
+            + (f"\n{ratio:.3g} times as fast as the slowest" if ratio > 1.0 else ""),
             (item.check_us, place),
             xytext=(6, 0),
             textcoords="offset points",
@@ -170,7 +208,7 @@ def draw_times(comparison: Comparison) -> Figure:
         )
     axes.set_yticks(range(len(comparison.times)), [item.model.replace("_", " ") for item in comparison.times])
     axes.invert_yaxis()
-    axes.set_xlim(0.0, 1.7 * max(item.check_us for item in comparison.times))
+    axes.set_xlim(0.0, 1.7 * slowest)
     axes.set_xlabel(f"µs a state, {comparison.times[0].batch:,} states a call; dark: the shape alone")
     axes.set_title("Time for a verdict")
     axes.grid(visible=False, axis="y")
@@ -180,7 +218,7 @@ def draw_times(comparison: Comparison) -> Figure:
 
 def draw_paths(comparison: Comparison) -> Figure:
     """Returns a figure of how many planned paths the reference verifies, by the model that the search asked."""
-    figure = plots.new_figure(900, 380, _DPI)
+    figure = plots.new_figure(900, 400, _DPI)
     axes = figure.subplots()
     kinds = (
         ("found", "path found, of all queries"),
@@ -191,12 +229,18 @@ def draw_paths(comparison: Comparison) -> Figure:
         for place, (name, _) in enumerate(kinds):
             rate: Rate = getattr(rates, name)
             label = rates.model.replace("_", " ") if place == 0 else None
-            value = 100.0 * rate.value if rate.total else 0.0
-            axes.barh(place + offset, value, 0.36, color=_COLOURS[rates.model], alpha=0.8, label=label)
-            axes.plot([100.0 * rate.low, 100.0 * rate.high], [place + offset] * 2, color=plots.INK, linewidth=1.2)
+            value, colour = 100.0 * rate.value if rate.total else 0.0, _COLOURS[rates.model]
+            axes.barh(place + offset, 100.0, 0.34, color=plots.GRID, alpha=0.5)
+            axes.barh(place + offset, value, 0.34, color=colour, alpha=0.45, label=label)
+            axes.plot([100.0 * rate.low, 100.0 * rate.high], [place + offset] * 2, color=colour, linewidth=2.5)
+            text = f"{rate.count} of {rate.total}" if rate.total else "none found"
+            axes.annotate(
+                text, (100.0, place + offset), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9.0
+            )
     axes.set_yticks(range(len(kinds)), [text for _, text in kinds])
     axes.invert_yaxis()
-    axes.set_xlim(0.0, 100.0)
+    axes.set_xlim(0.0, 112.0)
+    axes.set_xticks(range(0, 101, 20))
     axes.set_xlabel("%, line: 95 % interval")
     axes.set_title("Planned paths under the reference")
     axes.grid(visible=False, axis="y")

@@ -107,6 +107,7 @@ def comparison_content(comparison: Comparison) -> dict[str, Any]:
                 "variant": item.variant,
                 "kind": item.kind,
                 "state": item.state,
+                "cause": item.cause,
                 "row": item.row,
                 "clearance_m": item.clearance,
                 "deviation_m": item.deviation,
@@ -149,13 +150,17 @@ def _bins(comparison: Comparison, variant: Variant) -> Any:
 
 
 def verdict_rows(comparison: Comparison) -> list[Row]:
-    """Returns a row a variant: confusion matrix, and each rate with its interval."""
+    """Returns a row a variant: confusion matrix, each rate with its interval, deviations and missing clearance."""
     rows = []
     for variant in VARIANTS:
         confusion = comparison.confusion(variant)
         row: Row = {"variant": variant.name, "states": confusion.total, **asdict(confusion)}
         for name, rate in confusion.rates.items():
             row |= {name: rate.as_dict()["value"], f"{name}_low": rate.low, f"{name}_high": rate.high}
+        for group, spread in _deviations(comparison, variant).items():
+            row |= {f"deviation_{group}_{name}_m": spread[name] for name in ("median", "max")}
+        missing = _missing_clearance(comparison, variant)
+        row |= {f"missing_clearance_{name}_m": missing[name] for name in ("median", "max")}
         rows.append(row)
     return rows
 

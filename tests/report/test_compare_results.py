@@ -47,7 +47,7 @@ def comparison(make_scenario):
         deviation=np.array([[1e-5, 0.03], [1e-5, 0.04], [2e-5, 0.01], [1e-5, 0.02], [1e-5, 0.02], [np.nan, np.nan]]),
     )
     wrong = Disagreement(
-        "constant_curvature", "false_valid", 1, verdicts.rows[1], -0.002, 0.04, straight,
+        "constant_curvature", "false_valid", 1, "clearance", verdicts.rows[1], -0.002, 0.04, straight,
         np.tile(np.eye(3), (disks, 1, 1)), straight + np.array([0.02, 0.0, 0.0]), np.tile(np.eye(3), (disks, 1, 1)),
     )  # fmt: skip
     return Comparison(
@@ -94,6 +94,7 @@ def test_compare_json_has_the_counts_and_rates(comparison):
     assert 0.0 < ratio["at_least"] < 1.0
     assert [path["verified_at_once_of_found"]["count"] for path in content["paths"]] == [1, 0]
     assert content["disagreements"][0]["state"] == 1
+    assert content["disagreements"][0]["cause"] == "clearance"
 
 
 def test_all_files_are_there_and_pictures_show_something(comparison, tmp_path):
@@ -117,6 +118,9 @@ def test_tables_name_states_and_causes(comparison):
     verdicts = verdict_rows(comparison)
     assert [row["variant"] for row in verdicts] == [variant.name for variant in VARIANTS]
     assert verdicts[2]["false_valid"] == pytest.approx(2 / 6)
+    assert verdicts[2]["deviation_false_valid_median_m"] == pytest.approx(0.025)
+    assert verdicts[2]["missing_clearance_max_m"] == pytest.approx(comparison.scenario.planner.clearance_m + 0.002)
+    assert verdicts[0]["deviation_false_valid_median_m"] is None
     agreement = [row for row in agreement_rows(comparison) if row["variant"] == "constant_curvature"]
     assert sum(row["states"] for row in agreement) == 5
 
