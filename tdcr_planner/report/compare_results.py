@@ -33,7 +33,8 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
 
     Args:
         comparison: The comparison.
-        folder: Where to write; made when missing. Files of an earlier comparison are replaced.
+        folder: Where to write; made when missing. Files of an earlier comparison are replaced, and pictures and plots
+            that it had and this one has not are removed.
 
     Returns:
         The path of compare.json.
@@ -42,6 +43,7 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
         FormatError: The folder cannot be written.
     """
     content = comparison_content(comparison)
+    earlier = _optional_files(Path(folder) / "compare.json")
     with write_folder_whole(folder, last="compare.json") as staging:
         for name, rows in (
             ("verdicts", verdict_rows(comparison)),
@@ -55,7 +57,21 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
         content["pictures"] = write_disagreements(comparison, staging)
         text = json.dumps(plain_json(content), indent=1, allow_nan=False)
         (staging / "compare.json").write_text(text + "\n", encoding="utf-8")
+    for name in earlier - _optional_files(Path(folder) / "compare.json"):
+        (Path(folder) / name).unlink(missing_ok=True)
     return Path(folder) / "compare.json"
+
+
+def _optional_files(path: Path) -> set[str]:
+    """Returns the files of a comparison that another one in the same folder may not have; none without a comparison."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return set()
+    if not isinstance(content, dict) or content.get("format") != COMPARE_FORMAT:
+        return set()
+    pictures = {name for name in content["pictures"] if Path(name).name == name}
+    return pictures | ({"paths.csv", "paths.png", "paths.pdf"} if content["paths"] else set())
 
 
 def comparison_content(comparison: Comparison) -> dict[str, Any]:

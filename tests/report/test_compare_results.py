@@ -128,8 +128,12 @@ def test_tables_name_states_and_causes(comparison):
 def test_without_paths_and_disagreements(comparison, tmp_path):
     from dataclasses import replace
 
+    write_comparison(comparison, tmp_path / "out")
+    (tmp_path / "out" / "paths_of_mine.csv").write_text("")
     write_comparison(replace(comparison, paths=(), disagreements=()), tmp_path / "out")
     names = {file.name for file in (tmp_path / "out").iterdir()}
+    assert "paths_of_mine.csv" in names
+    names.remove("paths_of_mine.csv")
     assert not any("disagreement" in name or "paths" in name for name in names)
 
 
