@@ -1,9 +1,10 @@
-"""Interrupts: Ctrl-C while a compiled library calls back, kept until the library has returned."""
+"""Interrupts: Ctrl-C and errors while a compiled library calls back, kept until the library has returned."""
 
 from __future__ import annotations
 
 import signal
 import threading
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -38,3 +39,22 @@ def interrupts_kept(keep: Callable[[BaseException], None]) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def forget_frames(error: BaseException) -> None:
+    """Lets go of what the frames of an error's traceback and the finished ones that called them hold.
+
+    An error raised in a callback is kept by whoever catches it, its frames with it, and the frames hold Python's
+    handles of objects that the library has freed by then. The binding finds such a handle again when the library
+    allocates at the same place, and what it leads to is not that object. The lines of the traceback stay.
+    """
+    step = error.__traceback__
+    traceback.clear_frames(step)
+    frame = None if step is None else step.tb_frame.f_back
+    while frame is not None:
+        try:
+            frame.clear()
+        except RuntimeError:
+            # A frame that still runs; so do all that called it.
+            break
+        frame = frame.f_back

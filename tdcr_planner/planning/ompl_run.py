@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +16,7 @@ from ompl import util as ou
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import GoalSource
-from tdcr_planner.planning.interrupts import interrupts_kept
+from tdcr_planner.planning.interrupts import forget_frames, interrupts_kept
 from tdcr_planner.planning.objectives import PathCost
 from tdcr_planner.planning.offered import convert_parameter, planner_setters
 from tdcr_planner.planning.validity import ValidityChecker
@@ -26,7 +25,7 @@ Progress = Callable[[float, str], None]
 
 _SINGLE_SHOT = frozenset({"FMT", "BFMT"})
 # Those whose search ends at the first path and whose luck rests on their first samples; see docs/planning.md.
-_RENEWED = frozenset({"RRTConnect", "RRT", "KPIECE1", "BKPIECE1", "LBKPIECE1"})
+_RENEWED = frozenset({"RRTConnect", "RRT", "KPIECE1", "BKPIECE1"})
 _FIRST_TREE = 512  # iterations after which they start again, twice as many each time
 _KEPT_SHARE = 0.2  # OMPL's default of the shortest part of a motion that KPIECE1 keeps
 _PROGRESS_PERIOD_S = 0.1
@@ -95,8 +94,7 @@ class PlannerRun:
         del self._goal, self._states, self._information
         if self.error is not None:
             error, self.error = self.error, None
-            # The callback's frames hold OMPL's states, which are no more.
-            traceback.clear_frames(error.__traceback__)
+            forget_frames(error)
             raise error
         return rows
 
