@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
@@ -137,6 +137,7 @@ class CollisionScene:
             build_field(mesh, side, cells if self._settles else COARSE_CELLS, keep=self._settles)
             for mesh, side in zip(self.meshes, self._sides, strict=True)
         )
+        self._codes = tuple(np.int8(_mesh_verdict(mesh)) for mesh in self.meshes)
         _hint_at_units(self.meshes, body)
         self._set_body(body)
 
@@ -171,19 +172,18 @@ class CollisionScene:
         arrays = self.body.arrays
         rows = len(points)
         codes = np.empty(rows, dtype=np.int8)
-        near = np.empty(rows, dtype=np.bool_)
+        near, open_rows = np.empty(rows, dtype=np.bool_), np.empty(rows, dtype=np.bool_)
         near_rows = screen(arrays, self._self_pairs, points, frames, UNDEFINED_CODE, codes, near)
         for index, mesh in enumerate(self.meshes):
-            code = np.int8(_mesh_verdict(mesh))
-            if not self._settles:
-                open_rows = codes == 0
-                undecided = np.ones((rows, len(arrays.kind)), dtype=np.bool_)
-            else:
+            code = self._codes[index]
+            if self._settles:
                 undecided = np.zeros((rows, len(arrays.kind)), dtype=np.bool_)
-                field, wall, side = self._fields[index], mesh.wall_tree, self._sides[index]
-                if settle_batch(field, wall, side, code, arrays, points, frames, codes, undecided) == 0:
+                field, wall = self._fields[index], mesh.wall_tree
+                if settle_batch(field, wall, code, arrays, points, frames, codes, undecided, open_rows) == 0:
                     continue
-                open_rows = undecided.any(axis=1) & (codes == 0)
+            else:
+                undecided = np.ones((rows, len(arrays.kind)), dtype=np.bool_)
+                open_rows = codes == 0
             for row in np.flatnonzero(open_rows).tolist():
                 if self._meets(index, points[row], frames[row], np.flatnonzero(undecided[row]).tolist()):
                     codes[row] = code
@@ -223,12 +223,9 @@ class CollisionScene:
         arrays = self.body.arrays
         centres, axes, halves = place_solids(arrays, point, frame)
         self._objects.start(centres, axes, halves)
-        for part, name in enumerate(self.body.part_names):
-            for solid in range(arrays.part_first[part], arrays.part_first[part + 1]):
-                for mesh, handle in zip(self.meshes, self._mesh_objects, strict=True):
-                    touch = self._objects.touch(solid, handle)
-                    if touch is not None:
-                        return Contact(mesh.name, name, touch.triangle, touch.point, _mesh_verdict(mesh))
+        touched = next(self._surface_contacts(), None)
+        if touched is not None:
+            return touched
         for mesh, side in zip(self.meshes, self._sides, strict=True):
             part = int(wrong_part(side, arrays, point, frame))
             if part >= 0:
@@ -240,6 +237,35 @@ class CollisionScene:
             middle = centres[arrays.part_first[list(pair)]].mean(axis=0)
             return Contact("robot", names, -1, middle, Verdict.SELF)
         return None
+
+    def contacts(self, positions: ArrayLike, rotations: ArrayLike) -> list[Contact]:
+        """Returns what every part of one state's body meets, tip first: a contact for each surface that a part touches.
+
+        Where no surface is touched, what `first_contact` says of sides and of the body itself is the only entry; an
+        empty list stands for a free state.
+
+        Args:
+            positions: Disk centres, shape (d, 3), m, world frame.
+            rotations: world_from_disk, shape (d, 3, 3).
+        """
+        first = self.first_contact(positions, rotations)
+        if first is None or first.triangle < 0:
+            return [] if first is None else [first]
+        points, frames = self._check_poses(np.asarray(positions)[None], np.asarray(rotations)[None])
+        self._objects.start(*place_solids(self.body.arrays, points[0], frames[0]))
+        return list(self._surface_contacts())
+
+    def _surface_contacts(self) -> Iterator[Contact]:
+        """Yields the first contact of each part with each mesh's surface, tip first; the solids must be placed."""
+        first = self.body.arrays.part_first
+        for part, name in enumerate(self.body.part_names):
+            met: set[int] = set()
+            for solid in range(first[part], first[part + 1]):
+                for index, (mesh, handle) in enumerate(zip(self.meshes, self._mesh_objects, strict=True)):
+                    touch = None if index in met else self._objects.touch(solid, handle)
+                    if touch is not None:
+                        met.add(index)
+                        yield Contact(mesh.name, name, touch.triangle, touch.point, _mesh_verdict(mesh))
 
     def clearance(self, positions: ArrayLike, rotations: ArrayLike) -> FloatArray:
         """Returns the distance of each state's body, without its margins, from the nearest surface.

@@ -2,70 +2,38 @@
 
 from __future__ import annotations
 
+import html
 import threading
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_rgb
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.collision.scene import Contact
 from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Validity
 from tdcr_planner.report import plots
+from tdcr_planner.report.live_scene import Controls, LiveScene, Look, describe
 from tdcr_planner.report.picture import gather_scenario_picture
-from tdcr_planner.report.robot_mesh import Mesh, backbone_curve, disk_mesh, merge_meshes, tendon_lines, tube_mesh
+from tdcr_planner.report.robot_mesh import (
+    Mesh,
+    backbone_curve,
+    disk_mesh,
+    merge_meshes,
+    part_mesh,
+    tendon_lines,
+    tube_mesh,
+)
 from tdcr_planner.report.viewpoint import choose_camera
 from tdcr_planner.session import PlanningSession
 
-MODELS: tuple[Validity, ...] = ("learned", "reference", "constant_curvature")
-
-
-@dataclass(frozen=True)
-class Look:
-    """What one configuration looks like.
-
-    Attributes:
-        positions: Disk centres, shape (d, 3), m, world frame; NaN where there is no shape.
-        rotations: world_from_disk, shape (d, 3, 3).
-        tensions: Shape (t,), N.
-        clearance: Of the body without margins, m; NaN where there is no shape.
-        problem: Why the planner would reject it; empty when it would not.
-    """
-
-    positions: FloatArray
-    rotations: FloatArray
-    tensions: FloatArray
-    clearance: float
-    problem: str
-
-
-class LiveScene:
-    """A scene in which single configurations are asked for, with any of the shape models.
-
-    Attributes:
-        session: The scene, its robot and its models.
-        models: Names of the shape models that the scenario can use.
-    """
-
-    def __init__(self, session: PlanningSession) -> None:
-        """Prepares the scene; checkers are made at their first use."""
-        self.session = session
-        has_model = session.scenario.shape_model_path is not None
-        self.models = MODELS if has_model else MODELS[1:]
-        self._checkers: dict[Validity, Any] = {}
-
-    def look(self, row: FloatArray, model: Validity) -> Look:
-        """Returns what a configuration, shape (dimension,), looks like by one of the shape models."""
-        if model not in self._checkers:
-            self._checkers[model] = self.session.checker(self.session.scenario.with_planner(validity=model))
-        checker = self._checkers[model]
-        positions, rotations, solved = checker.world_poses(row[None])
-        clearance = float(self.session.scene.clearance(positions, rotations)[0]) if solved[0] else float("nan")
-        if not solved[0]:
-            positions, rotations = np.full_like(positions, np.nan), np.full_like(rotations, np.nan)
-        tensions = self.session.space.actuate(row[None]).tensions[0]
-        return Look(positions[0], rotations[0], tensions, clearance, checker.explain(row))
+NEAR = "#E69F00"
+_GHOSTS: dict[Validity, str] = {"learned": plots.LEARNED, "reference": plots.MUTED, "constant_curvature": "#E69F00"}
+_WALLS = {"cavity": ((160, 178, 196), 0.25), "obstacle": ((190, 178, 162), 0.55)}
+_NOTE_PX = 196
+# What may be drawn of a state beside the robot; removed where a state has none of it.
+_PASSING = ("/contact/parts", "/contact/triangles", "/contact/points", "/contact/label")
 
 
 def serve_live(session: PlanningSession, *, port: int = 8080, host: str = "127.0.0.1") -> LiveViewer:
@@ -87,19 +55,20 @@ def serve_live(session: PlanningSession, *, port: int = 8080, host: str = "127.0
 
 
 class LiveViewer:
-    """Sliders for bending, insertion and roll, a choice of shape model, and the robot, red where it may not be."""
+    """Sliders for each tendon, insertion, roll and bending; the robot, what it touches, and other models' shapes."""
 
     def __init__(self, scene: LiveScene, server: Any) -> None:
         """Fills a viser server with the scene and the sliders."""
         self._scene = scene
         self._server = server
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
+        self._shown: set[str] = set()
+        self._moving = False
+        self._size = float(scene.robot.disk_radii.max())
+        server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self._draw_scene()
-        self._model = server.gui.add_dropdown("shape model", scene.models, initial_value=scene.models[0])
-        self._sliders = self._add_sliders()
-        self._note = server.gui.add_markdown("")
-        for control in (self._model, *self._sliders):
-            control.on_update(lambda _: self.update())
+        self._note = server.gui.add_html("")
+        self._add_controls()
         self.update()
 
     @property
@@ -108,88 +77,263 @@ class LiveViewer:
         return f"http://{self._server.get_host()}:{self._server.get_port()}"
 
     @property
-    def row(self) -> FloatArray:
-        """The configuration that the sliders show, shape (dimension,)."""
-        return np.array([slider.value for slider in self._sliders]) / self._scales
+    def note(self) -> str:
+        """What stands above the sliders: verdict, contact and clearance, as HTML."""
+        return str(self._note.content)
 
-    def move(self, row: FloatArray) -> None:
-        """Moves the sliders to a configuration, shape (dimension,)."""
-        for slider, value in zip(self._sliders, row * self._scales, strict=True):
-            slider.value = float(value)
-        self.update()
+    @property
+    def controls(self) -> Controls:
+        """What the sliders show."""
+        values = np.array([slider.value for slider in self._tendons])
+        insertion = 0.0 if self._insertion is None else 1e-3 * float(self._insertion.value)
+        roll = 0.0 if self._roll is None else float(np.deg2rad(self._roll.value))
+        return Controls(values, insertion, roll)
 
-    def update(self) -> None:
-        """Draws the robot as the sliders have it."""
+    def move(self, controls: Controls, model: Validity | None = None) -> Look:
+        """Moves the sliders and returns what is drawn.
+
+        Args:
+            controls: What to set.
+            model: The shape model to draw with; None to leave it.
+        """
         with self._lock:
-            look = self._scene.look(self.row, self._model.value)
-            self._draw_robot(look)
-            self._note.content = describe(look)
+            self._moving = True
+            try:
+                if model is not None:
+                    self._model.value = model
+                for slider, value in zip(self._tendons, controls.tensions, strict=True):
+                    slider.value = float(value)
+                if self._insertion is not None:
+                    self._insertion.value = 1e3 * controls.insertion
+                if self._roll is not None:
+                    self._roll.value = float(np.rad2deg(controls.roll))
+            finally:
+                self._moving = False
+            return self.update()
+
+    def update(self) -> Look:
+        """Draws the robot as the sliders have it, and returns what is drawn."""
+        with self._lock:
+            controls = self.controls
+            self._show_bending(controls)
+            look = self._scene.look(controls, self._model.value)
+            with self._server.atomic():
+                self._draw_robot(look)
+                self._draw_contacts(look)
+                distances = self._draw_ghosts(controls, look)
+            head, lines = describe(look)
+            colour = plots.STATUS_COLOURS["verified"] if look.allowed else plots.ALERT if look.contacts else NEAR
+            self._note.content = _note_html(head, colour, [*lines, *distances])
+            return look
 
     def stop(self) -> None:
         """Ends the server."""
         self._server.stop()
 
-    def _add_sliders(self) -> list[Any]:
-        space, gui = self._scene.session.space, self._server.gui
-        names = [f"bending {i + 1} {axis} (N)" for i in range(space.robot.segment_count) for axis in "xy"]
-        scales = [1.0] * len(names)
-        if space.has_insertion:
-            names.append("insertion (mm)")
-            scales.append(1e3)
-        if space.has_roll:
-            names.append("roll (deg)")
-            scales.append(float(np.rad2deg(1.0)))
-        self._scales = np.array(scales)
-        start = self._scene.session.scenario.file.start
-        initial = space.row(start.bending_n, start.insertion_m, start.roll_deg) * self._scales
-        low, high = space.lower * self._scales, space.upper * self._scales
-        return [
-            gui.add_slider(name, min=float(a), max=float(b), step=float(b - a) / 1000, initial_value=float(value))
-            for name, a, b, value in zip(names, low, high, initial, strict=True)
-        ]
+    def _add_controls(self) -> None:
+        gui, scene = self._server.gui, self._scene
+        start, robot = scene.start, scene.robot
+        self._tendons = []
+        for segment in range(robot.segment_count):
+            with gui.add_folder(f"Tensions of segment {segment + 1} (N)"):
+                for index in np.flatnonzero(robot.tendon_segments == segment).tolist():
+                    name = f"tendon {index + 1} ({np.rad2deg(robot.tendon_angles[index]):g}°)"
+                    low, high = robot.pretensions[index], robot.max_tensions[index]
+                    self._tendons.append(_slider(gui, name, low, high, start.tensions[index]))
+        space = scene.session.space
+        self._insertion, self._roll = None, None
+        if space.has_insertion or space.has_roll:
+            with gui.add_folder("Base"):
+                column = space.bending_count
+                if space.has_insertion:
+                    low, high = 1e3 * space.lower[column], 1e3 * space.upper[column]
+                    self._insertion = _slider(gui, "insertion (mm)", low, high, 1e3 * start.insertion)
+                if space.has_roll:
+                    low, high = np.rad2deg([space.lower[-1], space.upper[-1]])
+                    self._roll = _slider(gui, "roll (deg)", low, high, float(np.rad2deg(start.roll)))
+        with gui.add_folder("Bending vector (N), tensions of least sum", expand_by_default=False):
+            reach = space.upper[: space.bending_count]
+            names = [f"segment {index + 1}, {axis}" for index in range(robot.segment_count) for axis in "xy"]
+            self._bending = [_slider(gui, name, -high, high, 0.0) for name, high in zip(names, reach, strict=True)]
+        with gui.add_folder("Shapes"):
+            self._model = gui.add_dropdown("drawn and judged", scene.models, initial_value=scene.models[0])
+            self._ghosts = {name: gui.add_checkbox(f"+ {_words(name)}", False) for name in scene.models}
+        button = gui.add_button("Back to the start")
+        button.on_click(lambda _: self.move(scene.start))
+        for control in (self._model, *self._ghosts.values(), *self._tendons, self._insertion, self._roll):
+            if control is not None:
+                control.on_update(lambda _: self._answer())
+        for control in self._bending:
+            control.on_update(lambda _: self._answer_bending())
+
+    def _answer(self) -> None:
+        """Draws what a person has set; sliders that the viewer itself moves are not answered."""
+        if not self._moving:
+            self.update()
+
+    def _answer_bending(self) -> None:
+        if not self._moving:
+            with self._lock:
+                bending = np.array([slider.value for slider in self._bending]).reshape(-1, 2)
+                self.move(self._scene.with_bending(self.controls, bending))
+
+    def _show_bending(self, controls: Controls) -> None:
+        """Moves the bending sliders to what the tensions stand for."""
+        self._moving = True
+        try:
+            for slider, value in zip(self._bending, self._scene.bending(controls).ravel(), strict=True):
+                slider.value = float(np.clip(value, slider.min, slider.max))
+        finally:
+            self._moving = False
 
     def _draw_scene(self) -> None:
         picture = gather_scenario_picture(self._scene.session.scenario)
         camera = choose_camera(picture, 800, 600)
-        away = 0.9 * camera.height / camera.scale * camera.rotation[2]
+        height = camera.height / camera.scale
+        # the sliders' panel covers the right of the window
+        centre = camera.centre + 0.22 * height * camera.rotation[0]
         view = self._server.initial_camera
-        view.up, view.look_at, view.position = camera.rotation[1], camera.centre, camera.centre + away
+        view.up, view.look_at, view.position = camera.rotation[1], centre, centre + 0.75 * height * camera.rotation[2]
         for number, mesh in enumerate(picture.meshes):
+            colour, opacity = _WALLS[mesh.role]
             self._server.scene.add_mesh_simple(
                 f"/scene/{number}",
                 mesh.vertices.astype(np.float32),
                 mesh.faces.astype(np.uint32),
-                color=(160, 178, 196) if mesh.role == "cavity" else (190, 178, 162),
-                opacity=0.25 if mesh.role == "cavity" else 0.55,
+                color=colour,
+                opacity=opacity,
                 side="double",
+            )
+        for number, goal in enumerate(picture.goals):
+            self._server.scene.add_icosphere(
+                f"/goal/{number}",
+                radius=max(goal.tolerance, 0.15 * self._size),
+                color=_rgb(plots.GOAL),
+                opacity=0.6,
+                position=goal.position,
             )
 
     def _draw_robot(self, look: Look) -> None:
-        if not np.isfinite(look.positions).all():
-            self._server.scene.remove_by_name("/robot")
+        if not look.has_shape:
+            self._remove("/robot/disks", "/robot/backbone", *(f"/robot/tendon{i}" for i in range(len(self._tendons))))
             return
-        robot = self._scene.session.scenario.robot
-        disks = disk_mesh(robot, look.positions, look.rotations)
-        line = backbone_curve(look.positions, look.rotations, robot.arc_lengths)
-        tendons = [
-            tube_mesh(points, robot.body.tendon_radius_m, sides=6)
-            for points in tendon_lines(robot, look.positions, look.rotations)
-        ]
-        wires = merge_meshes([tube_mesh(line, robot.backbone.radius_m), *tendons])
-        self._put("/robot/disks", disks, plots.ALERT if look.problem else plots.ROBOT)
-        self._put("/robot/wires", wires, plots.INK)
+        robot, positions, rotations = self._scene.robot, look.positions, look.rotations
+        self._put("/robot/disks", disk_mesh(robot, positions, rotations), plots.ROBOT)
+        line = backbone_curve(positions, rotations, robot.arc_lengths)
+        self._put("/robot/backbone", tube_mesh(line, robot.backbone.radius_m), plots.INK)
+        # a real tendon is a hair that no screen shows
+        radius = max(robot.body.tendon_radius_m, 0.04 * self._size)
+        for index, points in enumerate(tendon_lines(robot, positions, rotations)):
+            self._put(f"/robot/tendon{index}", tube_mesh(points, radius, sides=6), plots.tendon_colour(index))
 
-    def _put(self, name: str, mesh: Mesh, colour: str) -> None:
-        vertices, faces = mesh
-        rgb = tuple(round(255 * part) for part in to_rgb(colour))
-        self._server.scene.add_mesh_simple(
-            name, vertices.astype(np.float32), faces.astype(np.uint32), color=rgb, flat_shading=True, side="double"
+    def _draw_contacts(self, look: Look) -> None:
+        contacts = look.contacts or (() if look.near is None else (look.near,))
+        if not contacts:
+            self._remove(*_PASSING)
+            return
+        colour = plots.ALERT if look.contacts else NEAR
+        names = {name for contact in contacts for name in contact.part.split(" and ")}
+        body = self._scene.session.scene.body
+        parts = [part_mesh(body.robot, look.positions, look.rotations, name, 0.02 * self._size) for name in names]
+        self._put_or_remove("/contact/parts", [part for part in parts if part is not None], colour)
+        walls = {mesh.name: mesh for mesh in self._scene.session.scene.meshes}
+        touched = [contact for contact in contacts if contact.triangle >= 0]
+        triangles = [
+            walls[contact.mesh].wall_vertices[walls[contact.mesh].wall_faces[contact.triangle]] for contact in touched
+        ]
+        corners = [(triangle, np.array([[0, 1, 2]])) for triangle in triangles]
+        edges = [tube_mesh(triangle[[0, 1, 2, 0]], 0.03 * self._size, sides=5) for triangle in triangles]
+        self._put_or_remove("/contact/triangles", [*corners, *edges], colour)
+        balls = [_ball(contact.point, (0.22 if contact is contacts[0] else 0.12) * self._size) for contact in contacts]
+        self._put("/contact/points", merge_meshes(balls), plots.INK)
+        self._shown.add("/contact/label")
+        self._server.scene.add_label(
+            "/contact/label", _short(contacts[0], bool(look.contacts)), position=contacts[0].point
         )
 
+    def _draw_ghosts(self, controls: Controls, look: Look) -> list[str]:
+        """Draws the shapes of the other models that are asked for, and returns how far their tips are, in words."""
+        robot, lines = self._scene.robot, []
+        for name, box in self._ghosts.items():
+            node = f"/ghost/{name}"
+            if not box.value or name == self._model.value:
+                self._remove(node)
+                continue
+            positions, rotations, problem = self._scene.shape(controls, name)
+            if problem:
+                self._remove(node)
+                lines.append(problem)
+                continue
+            line = backbone_curve(positions, rotations, robot.arc_lengths)
+            mesh = merge_meshes([disk_mesh(robot, positions, rotations), tube_mesh(line, robot.backbone.radius_m)])
+            self._put(node, mesh, _GHOSTS[name], opacity=0.45)
+            apart = 1e3 * float(np.linalg.norm(positions[-1] - look.positions[-1]))
+            if np.isfinite(apart):
+                lines.append(f"tip of the {_words(name)} shape {_length(apart)} away")
+        return lines
 
-def describe(look: Look) -> str:
-    """Returns a configuration's verdict, clearance and tensions as Markdown."""
-    verdict = f"**not allowed**: {look.problem}" if look.problem else "**free**"
-    clearance = f"{1e3 * look.clearance:.2f} mm" if np.isfinite(look.clearance) else "not known"
-    tensions = ", ".join(f"{value:.2f}" for value in look.tensions)
-    return f"{verdict}\n\nclearance: {clearance}\n\ntensions: {tensions} N"
+    def _put_or_remove(self, name: str, meshes: list[Mesh], colour: str) -> None:
+        if meshes:
+            self._put(name, merge_meshes(meshes), colour)
+        else:
+            self._remove(name)
+
+    def _put(self, name: str, mesh: Mesh, colour: str, opacity: float | None = None) -> None:
+        vertices, faces = mesh
+        self._shown.add(name)
+        self._server.scene.add_mesh_simple(
+            name,
+            vertices.astype(np.float32),
+            faces.astype(np.uint32),
+            color=_rgb(colour),
+            opacity=opacity,
+            flat_shading=True,
+            side="double",
+        )
+
+    def _remove(self, *names: str) -> None:
+        for name in self._shown.intersection(names):
+            self._server.scene.remove_by_name(name)
+        self._shown.difference_update(names)
+
+
+def _slider(gui: Any, name: str, low: float, high: float, value: float) -> Any:
+    step = max(float(high - low), 1e-6) / 1000
+    return gui.add_slider(name, min=float(low), max=float(high), step=step, initial_value=float(value))
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _length(millimetres: float) -> str:
+    """Returns a length as finely as it matters to a robot."""
+    return f"{millimetres:.2f} mm" if millimetres >= 0.01 else "less than 0.01 mm"
+
+
+def _note_html(head: str, colour: str, lines: list[str]) -> str:
+    """Returns the verdict as a badge over its sentences, in a box of one height: the sliders below it stay in place."""
+    badge = f'<b style="background:{colour};color:white;padding:3px 12px;border-radius:11px">{html.escape(head)}</b>'
+    text = "".join(f'<div style="margin-top:5px">{html.escape(line)}</div>' for line in lines)
+    return f'<div style="height:{_NOTE_PX}px;overflow:auto;padding:8px 12px 0;font-size:13px">{badge}{text}</div>'
+
+
+def _short(contact: Contact, touching: bool) -> str:
+    """Returns a contact as a few words that fit into the scene."""
+    if contact.mesh == "robot":
+        return contact.part
+    if contact.triangle < 0:
+        return f"{contact.part}: wrong side of {contact.mesh}"
+    return f"{contact.part} {'touches' if touching else 'near'} {contact.mesh}"
+
+
+def _ball(centre: FloatArray, radius: float) -> Mesh:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=radius)
+    return ball.vertices + centre, ball.faces
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * part) for part in to_rgb(colour))
+    return red, green, blue

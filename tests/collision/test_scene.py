@@ -75,6 +75,21 @@ def test_first_contact_names_part_triangle_and_point(paper, shapes):
     assert scene.first_contact(positions[0] - [0.1, 0, 0], rotations[0]) is None
 
 
+def test_contacts_name_every_part_that_touches(paper, shapes):
+    # a wall through disks 9 to 11 (90 to 110 mm): their spacing is 10 mm, so the wall's ends lie in gaps
+    mesh = SceneMesh.from_arrays("wall", *shapes.box((0.02, 0.02, 0.026), (0.0185, 0.0, 0.1)), "obstacle")
+    scene = CollisionScene([mesh], RobotBody(paper))
+    positions, rotations = _straight(paper)
+    contacts = scene.contacts(positions[0], rotations[0])
+    assert [contact.part for contact in contacts] == ["disk 11", "disk 10", "disk 9"]
+    assert str(contacts[0]) == str(scene.first_contact(positions[0], rotations[0]))
+    assert scene.contacts(positions[0] - [0.1, 0, 0], rotations[0]) == []
+    inside = CollisionScene(
+        [SceneMesh.from_arrays("block", *shapes.box((1.0, 1.0, 1.0)), "obstacle")], RobotBody(paper)
+    )
+    assert [contact.triangle for contact in inside.contacts(positions[0], rotations[0])] == [-1]
+
+
 def test_margins_decide(paper, shapes):
     mesh = SceneMesh.from_arrays("plate", *shapes.box((0.02, 0.2, 0.2), (0.021, 0.0, 0.1)), "obstacle")
     scene = CollisionScene([mesh], RobotBody(paper))

@@ -5,8 +5,11 @@ import pytest
 
 from tdcr_planner.errors import InputError
 from tdcr_planner.report import live
-from tdcr_planner.report.live import LiveScene, describe, serve_live
+from tdcr_planner.report.live import serve_live
+from tdcr_planner.report.live_scene import Controls
 from tdcr_planner.session import PlanningSession
+
+BENT = np.array([0.0, 0.0, 2.5])  # to one side, hard
 
 
 @pytest.fixture
@@ -22,29 +25,80 @@ def viewer(session):
     viewer.stop()
 
 
-def test_look_tells_free_from_touching(session):
-    scene = LiveScene(session)
-    assert scene.models == ("reference", "constant_curvature")
-    inside = session.space.row(((0.0, 0.0),), insertion_m=-0.05)
-    look = scene.look(inside, "constant_curvature")
-    assert look.problem == ""
-    # pipe of 14 mm, disks of 10 mm on its axis; the pipe has 48 flat sides
-    assert look.clearance == pytest.approx(0.004, abs=14e-3 * (1 - np.cos(np.pi / 48)) + 1e-6)
-    bent = session.space.row(((-1.0, 0.0),), insertion_m=-0.05)
-    look = scene.look(bent, "constant_curvature")
-    assert "pipe.stl" in look.problem
-    assert look.clearance < 0.0
-    assert "not allowed" in describe(look)
+def drawn(viewer, name):
+    """The vertices of what the server shows under a name, m, or None."""
+    handle = viewer._server.scene.get_handle_by_name(name)
+    return None if handle is None else np.asarray(handle.vertices)
 
 
-def test_moving_the_sliders_moves_the_robot(viewer):
+def test_a_slider_for_each_tendon_within_its_limits_then_insertion_and_roll(viewer, session):
+    robot = session.scenario.robot
     with urllib.request.urlopen(viewer.address, timeout=10) as page:
         assert page.status == 200
-    row = np.array([0.3, -0.2, -0.05, 0.4])
-    viewer.move(row)
-    # sliders have a thousand steps; the value that a program sets is kept as it is
-    np.testing.assert_allclose(viewer.row, row, atol=1e-9)
-    assert "tensions" in viewer._note.content
+    assert [slider.label for slider in viewer._tendons] == ["tendon 1 (90°)", "tendon 2 (-30°)", "tendon 3 (210°)"]
+    assert [slider.min for slider in viewer._tendons] == robot.pretensions.tolist()
+    assert [slider.max for slider in viewer._tendons] == robot.max_tensions.tolist()
+    assert (viewer._insertion.min, viewer._insertion.max) == pytest.approx((-150.0, 50.0))
+    assert (viewer._roll.min, viewer._roll.max) == pytest.approx((-180.0, 180.0))
+
+
+def test_moving_a_slider_moves_the_robot_and_the_bending_vector(viewer, session):
+    before = drawn(viewer, "/robot/disks")
+    viewer._tendons[1].value = 0.5
+    after = drawn(viewer, "/robot/disks")
+    # the base disk stays (24 sides: 50 vertices a disk), the tip moves towards the tendon at -30 degrees
+    np.testing.assert_allclose(after[:50], before[:50], atol=1e-6)
+    shift = (after[-50:] - before[-50:]).mean(axis=0)
+    assert shift[:2] @ [np.cos(np.deg2rad(-30.0)), np.sin(np.deg2rad(-30.0))] > 0.01
+    x, y = (slider.value for slider in viewer._bending)
+    assert (x, y) == pytest.approx((0.5 * np.cos(np.deg2rad(-30.0)), 0.5 * np.sin(np.deg2rad(-30.0))))
+
+
+def test_a_bending_slider_sets_the_tensions_of_least_sum_and_keeps_the_base(viewer, session):
+    viewer.move(Controls(np.zeros(3), -0.05, 0.4))
+    viewer._bending[1].value = 0.6
+    expected = session.scenario.robot.tensions_from_bending([[[0.0, 0.6]]])[0]
+    np.testing.assert_allclose(viewer.controls.tensions, expected, atol=1e-9)
+    assert viewer.controls.insertion == pytest.approx(-0.05)
+    assert viewer.controls.roll == pytest.approx(0.4)
+
+
+def test_a_contact_is_shown_in_place_and_goes_again(viewer, session):
+    look = viewer.move(Controls(BENT, -0.05, 0.0), "constant_curvature")
+    contact = look.contacts[0]
+    assert f"{contact.part} touches pipe.stl" in viewer._server.scene.get_handle_by_name("/contact/label").text
+    assert "touching" in viewer.note
+    mesh = session.scene.meshes[0]
+    corners = mesh.wall_vertices[mesh.wall_faces[contact.triangle]]
+    triangles = drawn(viewer, "/contact/triangles")
+    np.testing.assert_allclose(triangles[:3], corners, atol=1e-6)
+    # a ball's first vertices are the first contact's
+    balls = drawn(viewer, "/contact/points")
+    count = len(balls) // len(look.contacts)
+    np.testing.assert_allclose(balls[:count].mean(axis=0), contact.point, atol=1e-5)
+    parts = drawn(viewer, "/contact/parts")
+    assert np.linalg.norm(parts - contact.point, axis=1).min() < 0.006
+    viewer.move(Controls(np.zeros(3), -0.05, 0.0))
+    assert drawn(viewer, "/contact/parts") is None
+    assert "free" in viewer.note
+
+
+def test_other_models_are_drawn_as_ghosts_with_their_distance(viewer):
+    viewer.move(Controls(np.array([0.0, 0.0, 0.3]), -0.05, 0.0), "reference")
+    assert drawn(viewer, "/ghost/constant_curvature") is None
+    viewer._ghosts["constant_curvature"].value = True
+    # 21 disks and the backbone; without loads both shapes are the same arc
+    assert len(drawn(viewer, "/ghost/constant_curvature")) > 21 * 50
+    assert "tip of the constant curvature shape less than 0.01 mm away" in viewer.note
+    viewer.move(viewer.controls, "constant_curvature")
+    assert drawn(viewer, "/ghost/constant_curvature") is None
+
+
+def test_back_to_the_start(viewer, session):
+    viewer.move(Controls(BENT, 0.0, 1.0))
+    viewer.move(viewer._scene.start)
+    np.testing.assert_allclose(viewer.controls.tensions, session.scenario.robot.pretensions, atol=1e-12)
+    assert viewer.controls.insertion == pytest.approx(-0.15)
 
 
 def test_without_viser_the_message_says_what_to_install(session, monkeypatch):
