@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -149,14 +150,15 @@ def write_file_whole(path: str | Path) -> Iterator[Path]:
     """Yields a temporary path beside the target; on success it replaces the target, on error nothing changes.
 
     Raises:
-        FormatError: The folder cannot be made or written.
+        FormatError: The folder cannot be made or written, or the disk is full.
     """
     target = Path(path)
     staging = _make_staging(target.parent)
     try:
-        temporary = staging / target.name
-        yield temporary
-        os.replace(temporary, target)
+        with _full_disk_named(target):
+            temporary = staging / target.name
+            yield temporary
+            os.replace(temporary, target)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
 
@@ -171,14 +173,18 @@ def write_folder_whole(folder: str | Path, last: str = "result.json") -> Iterato
     Args:
         folder: The target folder, made when it is missing.
         last: Name of the file that says the set is complete.
+
+    Raises:
+        FormatError: The folder cannot be made or written, or the disk is full.
     """
     target = Path(folder)
     staging = _make_staging(target)
     try:
-        yield staging
-        names = sorted((item.name for item in staging.iterdir()), key=lambda name: (name == last, name))
-        for name in names:
-            os.replace(staging / name, target / name)
+        with _full_disk_named(target):
+            yield staging
+            names = sorted((item.name for item in staging.iterdir()), key=lambda name: (name == last, name))
+            for name in names:
+                os.replace(staging / name, target / name)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
 
@@ -189,3 +195,14 @@ def _make_staging(folder: Path) -> Path:
         return Path(tempfile.mkdtemp(prefix=".tdcr-writing-", dir=folder))
     except OSError as error:
         raise FormatError(folder, f"cannot be written: {error.strerror}") from error
+
+
+@contextmanager
+def _full_disk_named(target: Path) -> Iterator[None]:
+    """Turns what only a disk without room raises into an error that names the target."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise FormatError(target, f"cannot be written: {error.strerror}") from error
+        raise

@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+import errno
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -95,6 +98,22 @@ def test_write_file_whole_replaces_only_on_success(tmp_path: Path) -> None:
         raise KeyboardInterrupt
     assert target.read_text() == "first"
     assert [item.name for item in target.parent.iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize("write", [write_file_whole, write_folder_whole])
+def test_a_full_disk_is_named_and_changes_nothing(write: Callable[..., Any], tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    if write is write_file_whole:
+        target.write_text("old")
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(FormatError, match=r"out: cannot be written: No space left"), write(target) as staging:
+        (staging if write is write_file_whole else staging / "a.txt").write_text("new")
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert [path for path in sorted(tmp_path.iterdir()) if path in before or path.is_file()] == before
+    assert not list(tmp_path.rglob("a.txt"))
+    assert not target.is_file() or target.read_text() == "old"
+    with pytest.raises(PermissionError), write(target):
+        raise PermissionError("another fault passes as it is")
 
 
 def test_write_folder_whole_keeps_the_old_set_on_failure(tmp_path: Path) -> None:

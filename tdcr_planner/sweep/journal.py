@@ -7,8 +7,9 @@ import fcntl
 import json
 import os
 from collections.abc import Iterator
+from io import FileIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from tdcr_planner.errors import FormatError
 from tdcr_planner.sweep.suite import Suite
@@ -25,7 +26,7 @@ class Journal:
         records: The record of each finished job by its index.
     """
 
-    def __init__(self, path: Path, stream: IO[bytes], records: dict[int, dict[str, Any]]) -> None:
+    def __init__(self, path: Path, stream: FileIO, records: dict[int, dict[str, Any]]) -> None:
         """Use `open_journal`."""
         self.path = path
         self.records = records
@@ -43,8 +44,8 @@ class Journal:
     def _append(self, content: dict[str, Any]) -> None:
         line = json.dumps(content, allow_nan=False).encode() + b"\n"
         try:
-            self._stream.write(line)
-            self._stream.flush()
+            while line:
+                line = line[self._stream.write(line) :]
             os.fsync(self._stream.fileno())
         except OSError as error:
             raise FormatError(self.path, f"cannot be written: {error.strerror}") from error
@@ -67,7 +68,8 @@ def open_journal(folder: str | Path, suite: Suite) -> Iterator[Journal]:
     path = Path(folder) / JOURNAL_NAME
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        stream = path.open("a+b")
+        # Without a buffer: what a full disk refuses is not kept back, to be refused again when the file is closed.
+        stream = path.open("a+b", buffering=0)
     except OSError as error:
         raise FormatError(path.parent, f"cannot be written: {error.strerror}") from error
     with stream:
@@ -82,7 +84,7 @@ def open_journal(folder: str | Path, suite: Suite) -> Iterator[Journal]:
         yield journal
 
 
-def _complete_lines(stream: IO[bytes]) -> list[bytes]:
+def _complete_lines(stream: FileIO) -> list[bytes]:
     """Returns the lines that end in a line break, and cuts off what stands after them."""
     stream.seek(0)
     content = stream.read()

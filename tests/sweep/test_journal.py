@@ -1,4 +1,6 @@
 import json
+import resource
+from contextlib import contextmanager
 
 import pytest
 
@@ -33,6 +35,33 @@ def test_every_prefix_of_the_file_is_a_journal(suite, tmp_path):
         header, *entries = [json.loads(line) for line in path.read_bytes().splitlines()]
         assert header["suite_sha256"] == suite.sha256
         assert entries[-1]["job"] == 5
+
+
+@contextmanager
+def no_file_beyond(size):
+    """Lets no file of this process grow beyond a size, as a full disk would."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_ends_the_run_and_keeps_what_was_recorded(suite, tmp_path):
+    path = tmp_path / "out" / JOURNAL_NAME
+    with (
+        pytest.raises(FormatError, match="cannot be written: File too large"),
+        open_journal(tmp_path / "out", suite) as journal,
+    ):
+        journal.add(0, RECORD)
+        with no_file_beyond(path.stat().st_size + 10):
+            journal.add(1, RECORD)
+    assert not path.read_bytes().endswith(b"\n")
+    with open_journal(tmp_path / "out", suite) as journal:
+        assert journal.records == {0: RECORD}
+        journal.add(2, RECORD)
+    assert [json.loads(line).get("job") for line in path.read_bytes().splitlines()] == [None, 0, 2]
 
 
 def test_refuses_the_folder_of_another_suite(suite, write_suite, tmp_path):
