@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +19,9 @@ from tdcr_planner.errors import InputError
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.ompl_planner import Progress, SearchOutcome, search
 from tdcr_planner.planning.path import TensionPath
+from tdcr_planner.planning.roadmap import Conditions, Roadmap, conditions_of
+from tdcr_planner.planning.roadmap_build import RoadmapBuilder
+from tdcr_planner.planning.roadmap_way import RoadmapConnector
 from tdcr_planner.planning.scenario import Goal, Scenario, Validity
 from tdcr_planner.planning.scene import differences, load_scene_meshes, scene_facts, scene_files
 from tdcr_planner.planning.spaces import ConfigurationSpace
@@ -54,6 +59,7 @@ class PlanningSession:
         space: Its configurations.
         meshes: Its meshes, world frame.
         scene: The scene with the robot's body as it is, without margins.
+        roadmap: The roadmap that queries ask before their planner, or None.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -69,6 +75,7 @@ class PlanningSession:
         self.space = ConfigurationSpace(scenario)
         self.meshes = load_scene_meshes(scenario)
         self.scene = CollisionScene(self.meshes, self._body(np.zeros(scenario.robot.disk_count)))
+        self.roadmap: Roadmap | None = None
         self._models: dict[Validity, ShapeModel] = {}
         self._check_loads()
         self._warm_up()
@@ -134,6 +141,68 @@ class PlanningSession:
             model=self.model(query.planner.validity),
         )
 
+    def conditions(self, scenario: Scenario | None = None) -> Conditions:
+        """Returns what a roadmap must have been made under to serve a scenario of this scene."""
+        query = scenario or self.scenario
+        return conditions_of(query, self.model(query.planner.validity), self._facts)
+
+    def roadmap_builder(self, *, seed: int | None = None) -> RoadmapBuilder:
+        """Returns a builder of roadmaps for this scene, at the scenario's margins and from its start.
+
+        Args:
+            seed: Seed of the sampling; None for the scenario's.
+        """
+        settings, start = self.scenario.planner, self.scenario.file.start
+        return RoadmapBuilder(
+            EdgeChecker(self.checker(), settings.step_m),
+            conditions=self.conditions(),
+            seed=settings.seed if seed is None else seed,
+            first=self.space.row(start.bending_n, start.insertion_m, start.roll_deg)[None],
+        )
+
+    def build_roadmap(
+        self,
+        *,
+        time_limit_s: float = 30.0,
+        vertices: int | None = None,
+        seed: int | None = None,
+        progress: Progress | None = None,
+    ) -> Roadmap:
+        """Returns a roadmap built for this scene; `use_roadmap` puts it to use.
+
+        Ctrl-C and what the progress callback raises pass through; a `roadmap_builder` keeps what was built by then.
+
+        Args:
+            time_limit_s: Time for the build; may be infinite where a number of vertices is given.
+            vertices: Number of vertices to end at; None for the time alone.
+            seed: Seed of the sampling; None for the scenario's. It decides the roadmap where the number of vertices
+                ends the build.
+            progress: Told the share that is done and a remark now and then.
+        """
+        builder = self.roadmap_builder(seed=seed)
+        builder.run(time_limit_s=time_limit_s, vertices=vertices, progress=progress)
+        return builder.roadmap()
+
+    def use_roadmap(self, roadmap: Roadmap | str | Path | None) -> None:
+        """Lets queries ask a roadmap before their planner; None for the planner alone.
+
+        A query in the session that asks for another shape model, more clearance or a finer step than the roadmap was
+        made for is answered by its planner.
+
+        Args:
+            roadmap: The roadmap, or the file that holds it.
+
+        Raises:
+            FormatError: The file is missing, damaged or no roadmap.
+            InputError: It was made for another scene, robot or model, less clearance or a coarser step.
+        """
+        name = "roadmap"
+        if isinstance(roadmap, str | Path):
+            roadmap, name = Roadmap.load(roadmap), str(roadmap)
+        if roadmap is not None:
+            roadmap.check_fit(self.conditions(), name)
+        self.roadmap = roadmap
+
     def plan(
         self, scenario: Scenario | None = None, *, load_s: float = 0.0, progress: Progress | None = None
     ) -> PlanResult:
@@ -185,7 +254,17 @@ class PlanningSession:
         query = attempt.query
         limit = max(left_s - min(VERIFY_SHARE * left_s, VERIFY_RESERVE_S), 0.01)
         seed = query.planner.seed + attempt.repairs
-        return search(query, self.space, checker, time_limit_s=limit, seed=seed, progress=progress)
+        roadmap, unfit = self.roadmap, ""
+        if roadmap is not None:
+            unfit = roadmap.conditions.unfit_for(self.conditions(query))
+        connector = None if roadmap is None or unfit else RoadmapConnector(roadmap)
+        outcome = search(
+            query, self.space, checker, time_limit_s=limit, seed=seed, progress=progress, connector=connector
+        )
+        if roadmap is None:
+            return outcome
+        known = roadmap.size | ({"answered": False, "unfit": unfit} if connector is None else connector.answers)
+        return replace(outcome, statistics=outcome.statistics | {"roadmap": known})
 
     def path_states(
         self, query: Scenario, checker: ValidityChecker, outcome: SearchOutcome

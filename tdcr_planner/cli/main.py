@@ -12,6 +12,7 @@ from tdcr_planner.cli.compare import compare
 from tdcr_planner.cli.evaluate import evaluate
 from tdcr_planner.cli.info import info
 from tdcr_planner.cli.plan import plan
+from tdcr_planner.cli.roadmap import roadmap
 from tdcr_planner.cli.robustness import robustness
 from tdcr_planner.cli.solve import solve
 from tdcr_planner.cli.sweep import sweep
@@ -28,6 +29,7 @@ Exit codes: 0 done (for plan: a verified path), 1 tried and not reached, 2 bad i
 COMMANDS: dict[str, Callable[..., int]] = {
     "plan": plan,
     "verify": verify,
+    "roadmap": roadmap,
     "robustness": robustness,
     "view": view,
     "compare": compare,

@@ -19,11 +19,14 @@ def plan(
     planner: str | None = None,
     validity: Literal["learned", "reference", "constant_curvature"] | None = None,
     time_limit_s: float | None = None,
+    roadmap: Path | None = None,
     progress: bool = True,
 ) -> int:
     """Plan a path through a mesh scene, verify it with the Cosserat reference and write it with pictures.
 
     Example: tdcr plan scenes/duct/scenario_elbow.toml --out out/elbow
+
+    Exit code 0 for a verified path, 1 without one; the status says why.
 
     Writes result.json, trajectory.csv, path.png, path.html and shapes.npz into the output folder, all or nothing.
 
@@ -34,6 +37,7 @@ def plan(
         planner: OMPL planner, in place of the scenario's.
         validity: Shape model that the search asks, in place of the scenario's.
         time_limit_s: Time for search, verification and repair in seconds, in place of the scenario's.
+        roadmap: Roadmap of the scene that `tdcr roadmap` wrote, asked before the planner.
         progress: Draw a progress bar while planning.
     """
     import time
@@ -49,6 +53,7 @@ def plan(
     query = load_scenario(scenario).with_planner(**changes)
     with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
         session = PlanningSession(query)
+        session.use_roadmap(roadmap)
     loaded = time.perf_counter() - started
     with TimeBar("planning", session.scenario.planner.time_limit_s, shown=progress) as bar:
         result = session.plan(load_s=loaded, progress=bar.update)
@@ -73,9 +78,20 @@ def describe(result: PlanResult) -> str:
             f"largest model deviation {1e3 * worst['deviation_m']:.2g} mm, "
             f"largest residual {worst['residual_nm']:.1e} N m",
         ]
+    if "roadmap" in result.planner:
+        lines.append(f"roadmap:   {_roadmap_line(result)}")
     times = result.timings_s
     checked = f"{result.planner.get('states_checked', 0):,} states checked"
     lines.append(
         f"time:      load {times['load']:.2f} s, plan {times['plan']:.2f} s ({checked}), verify {times['verify']:.2f} s"
     )
     return "\n".join(lines)
+
+
+def _roadmap_line(result: PlanResult) -> str:
+    known = result.planner["roadmap"]
+    size = f"{known['vertices']:,} configurations, {known['edges']:,} motions"
+    if known["answered"]:
+        return f"had the way ({size})"
+    reason = f"does not fit: {known['unfit']}" if known.get("unfit") else "had no way"
+    return f"{reason} ({size}); {result.planner['name']} searched"

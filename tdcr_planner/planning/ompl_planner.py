@@ -47,7 +47,7 @@ class SearchStatus(StrEnum):
 
 
 class Connector(Protocol):
-    """What may know a way already and is asked before the planner; `planning.roadmap` has one."""
+    """What may know a way already and is asked before the planner; `planning.roadmap_way` has one."""
 
     def connect(self, edges: EdgeChecker, start: FloatArray, goal: GoalSource, deadline: float) -> FloatArray | None:
         """Returns waypoints (k, dimension) from a start to a goal state whose edges have all been checked, or None."""
