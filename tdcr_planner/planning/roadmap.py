@@ -207,7 +207,8 @@ class _Header(FileModel):
 def _read(path: Path) -> Roadmap:
     """Returns what a file holds, or raises FormatError saying what is wrong with it."""
     try:
-        with np.load(path, allow_pickle=False) as content:
+        # NumPy leaves a file open that it cannot read: this one is closed here.
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
             table = json.loads(str(content["header"]))
             arrays = {name: content[name] for name in ("rows", "edges", "motion_scale")}
     except FileNotFoundError as error:

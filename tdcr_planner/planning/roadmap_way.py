@@ -73,7 +73,7 @@ class _Way:
         rows = np.concatenate([self._roadmap.rows, start[None]])
         graph = self._extended(start, links)
         tried: dict[tuple[int, int], bool] = {}
-        for _ in range(_WAYS_TRIED):
+        for turn in range(_WAYS_TRIED):
             distances, before = dijkstra(graph, directed=True, indices=self._home, return_predecessors=True)
             end = self._nearest_goal(rows, np.array(goals), distances, tried)
             if end is None:
@@ -83,8 +83,15 @@ class _Way:
             broken = self._first_invalid(rows[order])
             if broken is None:
                 return np.concatenate([rows[order], goals[goal][None]])
+            if turn == 0:
+                self._remove_invalid(graph)
             _remove(graph, order[broken], order[broken + 1])
         return None
+
+    def _remove_invalid(self, graph: Any) -> None:
+        """Makes what leads to vertices that the query's checker rejects infinitely long."""
+        rejected = np.append(~self._edges.checker.valid(self._roadmap.rows), False)
+        graph.data[rejected[graph.indices]] = np.inf
 
     def _links(self, start: FloatArray) -> list[int]:
         """Returns vertices that a straight motion from the start reaches, some in each connected part near by."""
