@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -13,14 +12,17 @@ from tdcr_planner.report.picture import Picture
 from tdcr_planner.report.raster import Camera
 from tdcr_planner.report.robot_mesh import backbone_curve, disk_mesh, simplify_mesh, tendon_lines
 from tdcr_planner.report.time_traces import cursor_traces, time_layout, time_traces
-from tdcr_planner.report.viewpoint import choose_camera, up_direction
+from tdcr_planner.report.viewpoint import body_points, choose_camera, points_to_fit, up_direction
 
 MAX_WALL_FACES = 60_000
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif"
 Trace = dict[str, Any]
 _MAX_RIM_CORNERS = 640
-# plotly's parallel projection shows a height of about 2.5 of its scene units.
-_SCENE_FILL = 2.1
+# plotly's parallel projection shows a height of about 2.5 of its scene units when the eye is 1.6 away.
+_SHOWN_HEIGHT = 2.0
+# width to height of a scene over the whole width of a laptop's page
+_WIDE_AT_FULL = 2.1
+_SCENE_WIDTH = 0.63
 _WALL_SHADES = {"cavity": ("#5E7891", "#D5E2EE"), "obstacle": ("#7B6A56", "#E9E1D6")}
 _WALL_OPACITY = {"cavity": 0.30, "obstacle": 0.55}
 _DISK_SHADES = ("#0F4C81", "#4C9AD6")
@@ -104,6 +106,8 @@ def _mark_traces(picture: Picture) -> list[Trace]:
     tips = picture.positions[picture.known][:, -1]
     if picture.has_path and len(tips):
         traces.append(_line(tips, "tip trace", plots.TRACE, 5))
+    if picture.has_path and picture.worst_state is not None and picture.known[picture.worst_state]:
+        traces.append(_worst_trace(picture, picture.worst_state))
     if len(tips):
         traces.append(_marker(tips[:1], "start", "circle-open", plots.INK, 7))
     for number, goal in enumerate(picture.goals):
@@ -113,6 +117,21 @@ def _mark_traces(picture: Picture) -> list[Trace]:
             ends = np.stack([goal.position, goal.position + 0.15 * picture.robot.length * goal.direction])
             traces.append(_line(ends, f"{name}: viewing direction", plots.GOAL, 4))
     return traces
+
+
+def _worst_trace(picture: Picture, state: int) -> Trace:
+    """The state of least clearance as one thin line: its backbone and the rims of its disks."""
+    robot, positions, rotations = picture.robot, picture.positions[state], picture.rotations[state]
+    angle = np.linspace(0.0, 2.0 * np.pi, 19)
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    rims = positions[:, None] + np.einsum("dij,vj->dvi", rotations, rim) * robot.disk_radii[:, None, None]
+    # a point that is not a number ends a piece of the line
+    gap = np.full((1, 3), np.nan)
+    pieces = [backbone_curve(positions, rotations, robot.arc_lengths, per_gap=2), gap]
+    for ring in rims:
+        pieces += [ring, gap]
+    name = f"worst state, {1e3 * picture.clearance[state]:.2f} mm"
+    return {**_line(np.concatenate(pieces[:-1]), name, plots.ALERT, 3), "connectgaps": False}
 
 
 def _marker(point: FloatArray, name: str, symbol: str, colour: str, size: int) -> Trace:
@@ -126,12 +145,12 @@ def _marker(point: FloatArray, name: str, symbol: str, colour: str, size: int) -
     }
 
 
-def _line(points: FloatArray, name: str, colour: str, width: int, *, dash: str = "solid", legend: bool = True) -> Trace:
+def _line(points: FloatArray, name: str, colour: str, width: int, *, legend: bool = True) -> Trace:
     return {
         "type": "scatter3d",
         **_xyz(points),
         "mode": "lines",
-        "line": {"color": colour, "width": width, "dash": dash},
+        "line": {"color": colour, "width": width},
         "name": name,
         "showlegend": legend,
         "hoverinfo": "skip",
@@ -143,13 +162,14 @@ def _moving_traces(picture: Picture, state: int, *, named: bool) -> list[Trace]:
     robot = picture.robot
     positions, rotations = picture.positions[state], picture.rotations[state]
     traces = [_disk_trace(picture, state)]
-    curve = backbone_curve(positions, rotations, robot.arc_lengths, per_gap=2)
-    traces.append(_line(curve, "backbone (reference)", plots.INK, 6))
-    for index, line in enumerate(tendon_lines(robot, positions, rotations)):
-        traces.append(_line(line, f"tendon {index + 1}", plots.tendon_colour(index), 3, legend=False))
     if picture.model_positions is not None:
         name = f"{picture.model_name.replace('_', ' ')} shape"
-        traces.append(_line(picture.model_positions[state], name, plots.LEARNED, 5, dash="dash"))
+        # a wide band: where both shapes agree, as they should, it shows on both sides of the reference's line
+        traces.append({**_line(picture.model_positions[state], name, plots.LEARNED, 14), "opacity": 0.6})
+    curve = backbone_curve(positions, rotations, robot.arc_lengths, per_gap=2)
+    traces.append(_line(curve, "backbone (reference)", plots.INK, 5))
+    for index, line in enumerate(tendon_lines(robot, positions, rotations)):
+        traces.append(_line(line, f"tendon {index + 1}", plots.tendon_colour(index), 3, legend=False))
     if picture.has_path:
         traces += cursor_traces(picture, state)
     if named:
@@ -175,11 +195,14 @@ def _disk_trace(picture: Picture, state: int) -> Trace:
 
 
 def _layout(picture: Picture, camera: Camera) -> dict[str, Any]:
-    towards, up = camera.rotation[2], up_direction(picture)
     low, high = _bounds(picture)
-    corners = np.array(list(itertools.product(*np.stack([low, high], axis=1)))) @ camera.rotation.T
-    right, above = np.ptp(corners[:, 0]), np.ptp(corners[:, 1])
-    ratio = _SCENE_FILL * (high - low) / max(above, right / 1.2)
+    shown = points_to_fit(picture, body_points(picture)) @ camera.rotation.T
+    room = float(picture.robot.disk_radii.max())
+    right, above = np.ptp(shown[:, :2], axis=0) + 2.0 * room
+    wide = _SCENE_WIDTH if picture.has_path else 1.0
+    scale = min(_SHOWN_HEIGHT / above, _SHOWN_HEIGHT * _WIDE_AT_FULL * wide / right)
+    centre = scale * (camera.centre - 0.5 * (low + high))
+    eye = centre + 1.6 * camera.rotation[2]
     layout: dict[str, Any] = {
         "margin": {"l": 8, "r": 16, "t": 8, "b": 8, "autoexpand": False},
         "paper_bgcolor": "white",
@@ -187,14 +210,22 @@ def _layout(picture: Picture, camera: Camera) -> dict[str, Any]:
         "font": {"family": FONT, "size": 12, "color": plots.INK},
         "uirevision": "fixed",
         "hovermode": "closest",
-        "legend": {"x": 0.0, "y": 0.0, "xanchor": "left", "yanchor": "bottom", "bgcolor": "rgba(255,255,255,0.75)"},
+        "legend": {
+            "x": 0.0,
+            "y": 0.0,
+            "xanchor": "left",
+            "yanchor": "bottom",
+            "orientation": "h",
+            "font": {"size": 11},
+        },
         "scene": {
-            "domain": {"x": [0.0, 0.62 if picture.has_path else 1.0], "y": [0.0, 1.0]},
+            "domain": {"x": [0.0, wide], "y": [0.08, 1.0]},
             "aspectmode": "manual",
-            "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
+            "aspectratio": dict(zip("xyz", (scale * (high - low)).tolist(), strict=True)),
             "camera": {
-                "eye": dict(zip("xyz", (1.6 * towards).tolist(), strict=True)),
-                "up": dict(zip("xyz", up.tolist(), strict=True)),
+                "eye": dict(zip("xyz", eye.tolist(), strict=True)),
+                "center": dict(zip("xyz", centre.tolist(), strict=True)),
+                "up": dict(zip("xyz", up_direction(picture).tolist(), strict=True)),
                 "projection": {"type": "orthographic"},
             },
             "dragmode": "orbit",
@@ -209,9 +240,7 @@ def _layout(picture: Picture, camera: Camera) -> dict[str, Any]:
 
 def _bounds(picture: Picture) -> tuple[FloatArray, FloatArray]:
     """Lower and upper corner of everything drawn, shape (3,) each, m."""
-    parts = [picture.positions[picture.known].reshape(-1, 3), picture.scenario.base_position[None]]
-    parts += [goal.position[None] for goal in picture.goals] + [mesh.vertices for mesh in picture.meshes]
-    points = np.concatenate(parts)
+    points = np.concatenate([body_points(picture), *(mesh.vertices for mesh in picture.meshes)])
     room = float(picture.robot.disk_radii.max())
     return points.min(axis=0) - room, points.max(axis=0) + room
 

@@ -10,7 +10,7 @@ from tdcr_planner.report import plots
 from tdcr_planner.report.picture import Picture
 
 Trace = dict[str, Any]
-_LEFT = 0.69
+_LEFT = 0.7
 _DASHES = ("solid", "dash", "dashdot", "dot")
 
 
@@ -52,14 +52,19 @@ def time_layout(picture: Picture) -> dict[str, Any]:
         note = f"<b>worst {1e3 * picture.clearance[worst]:.2f} mm</b> at {picture.times[worst]:.1f} s, {note}"
     return {
         "xaxis": {**side, "anchor": "y", "matches": "x2", "showticklabels": False},
-        "yaxis": {**shared, "domain": [0.56, 0.93], "range": list(_clearance_range(picture)), "title": "mm"},
+        "yaxis": {
+            **shared,
+            "domain": [0.56, 0.93],
+            "range": list(_clearance_range(picture)),
+            "title": {"text": "mm", "standoff": 6},
+        },
         "xaxis2": {**side, "anchor": "y2", "title": {"text": "time (s)", "standoff": 4}},
         "yaxis2": {
             **shared,
-            "domain": [0.09, 0.41],
+            "domain": [0.13, 0.41],
             "anchor": "x2",
             "range": [0.0, _tension_top(picture)],
-            "title": "N",
+            "title": {"text": "N", "standoff": 6},
         },
         "legend2": {
             "x": _LEFT - 0.005,
@@ -140,7 +145,23 @@ def _clearance_traces(picture: Picture) -> list[Trace]:
 
 
 def _tension_traces(picture: Picture) -> list[Trace]:
-    return [
+    limit = float(picture.robot.max_tensions.max())
+    limits: list[Trace] = []
+    if _tension_top(picture) > limit:
+        limits.append(
+            {
+                "type": "scatter",
+                "x": [float(picture.times[0]), float(picture.times[-1])],
+                "y": [limit, limit],
+                "mode": "lines",
+                "line": {"color": plots.MUTED, "width": 1.5, "dash": "dash"},
+                "showlegend": False,
+                "hovertemplate": f"limit: {limit:g} N<extra></extra>",
+                "xaxis": "x2",
+                "yaxis": "y2",
+            }
+        )
+    return limits + [
         {
             "type": "scatter",
             "x": picture.times,

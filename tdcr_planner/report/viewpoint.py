@@ -31,7 +31,7 @@ def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.0
         margin: Part of the picture left free on each side.
     """
     body = body_points(picture)
-    fitted = _points_to_fit(picture, body)
+    fitted = points_to_fit(picture, body)
     few = fitted[:: max(1, len(fitted) // 2000)]
     tangents = picture.rotations[picture.known][..., 2].reshape(-1, 3)
     up = up_direction(picture)
@@ -75,10 +75,9 @@ def up_direction(picture: Picture) -> FloatArray:
 
 
 def body_points(picture: Picture) -> FloatArray:
-    """Returns the disk centres of all states, the goals, and the base, shape (m, 3), m, world frame."""
-    parts = [picture.positions[picture.known].reshape(-1, 3), picture.scenario.base_position[None]]
-    parts += [goal.position[None] for goal in picture.goals]
-    return np.concatenate(parts)
+    """Returns the disk centres of all states and the goals, shape (m, 3), m, world frame; the base without states."""
+    parts = [picture.positions[picture.known].reshape(-1, 3), *(goal.position[None] for goal in picture.goals)]
+    return np.concatenate(parts if picture.known.any() else [*parts, picture.scenario.base_position[None]])
 
 
 def look_from(azimuth_deg: float, elevation_deg: float, up: FloatArray) -> FloatArray:
@@ -102,7 +101,7 @@ def _hull_area(points: FloatArray) -> float:
         return float(np.linalg.norm(np.ptp(points, axis=0))) * 1e-9
 
 
-def _points_to_fit(picture: Picture, body: FloatArray) -> FloatArray:
+def points_to_fit(picture: Picture, body: FloatArray) -> FloatArray:
     """The robot, and the scene as far as it is near; all of it where it is not much larger than the robot's reach."""
     low, high = body.min(axis=0), body.max(axis=0)
     reach = max(float((high - low).max()), picture.robot.length)

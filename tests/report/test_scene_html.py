@@ -83,6 +83,41 @@ def test_figure_holds_scene_robot_both_shapes_and_curves(picture):
     assert all(0.0 < trace["opacity"] < 1.0 for trace in walls)
 
 
+def test_worst_state_is_drawn_where_it_is(picture):
+    traces = build_figure(picture, frame_states(picture))["data"]
+    worst = next(trace for trace in traces if trace.get("name") == "worst state, 0.80 mm")
+    points = np.stack([worst[axis] for axis in "xyz"], axis=1)
+    pieces = np.split(points, np.flatnonzero(np.isnan(points[:, 0])))
+    backbone, *rims = [piece[np.isfinite(piece[:, 0])] for piece in pieces]
+    np.testing.assert_allclose(backbone[-1], 1e3 * picture.positions[5, -1], atol=1e-4)
+    assert len(rims) == picture.robot.disk_count
+    middles = np.array([rim[:-1].mean(axis=0) for rim in rims])  # the last point closes the rim
+    np.testing.assert_allclose(middles, 1e3 * picture.positions[5], atol=1e-4)
+
+
+def test_scene_and_robot_fit_into_their_part_of_the_page(picture):
+    layout = build_figure(picture, frame_states(picture))["layout"]["scene"]
+    eye, centre, up = (np.array([layout["camera"][key][a] for a in "xyz"]) for key in ("eye", "center", "up"))
+    towards = (eye - centre) / np.linalg.norm(eye - centre)
+    right = np.cross(up, towards)
+    right /= np.linalg.norm(right)
+    low, high = np.array([layout[f"{axis}axis"]["range"] for axis in "xyz"]).T
+    ratio = np.array([layout["aspectratio"][axis] for axis in "xyz"])
+    points = 1e3 * np.concatenate([picture.positions.reshape(-1, 3), *(mesh.vertices for mesh in picture.meshes)])
+    # plotly puts the middle of the axes at 0 and scales each to its aspect ratio
+    local = ((points - 0.5 * (low + high)) / (high - low) * ratio - centre) @ np.stack(
+        [right, np.cross(towards, right)]
+    ).T
+    assert np.abs(local[:, 1]).max() < 1.25  # half the height that a parallel projection shows
+    assert np.abs(local[:, 0]).max() < 1.25 * 840.0 / 590.0
+
+
+def test_axes_of_the_curves_carry_their_units(picture):
+    layout = build_figure(picture, frame_states(picture))["layout"]
+    titles = [layout[axis]["title"]["text"] for axis in ("yaxis", "yaxis2", "xaxis2")]
+    assert titles == ["mm", "N", "time (s)"]
+
+
 def test_figure_keeps_to_the_schema_of_plotly(picture, make_scenario):
     # Plotly's own class refuses whatever its schema does not know, and keeps every trace that it accepts.
     for shown in (picture, gather_scenario_picture(make_scenario("two_segment"))):
@@ -202,9 +237,11 @@ def test_page_opens_fits_a_laptop_plays_and_seeks_without_a_fault(picture, visit
         " slider.dispatchEvent(new Event('input')); return 'moved'; })()",
         'document.getElementById("plot").dataset.shown === "5" && document.getElementById("readout").textContent',
         "document.getElementById('plot')._fullData.filter(t => t.name === 'backbone (reference)')[0].z.slice(-1)[0]",
+        "(function () { document.getElementById('play').focus(); document.getElementById('slider').value = 0;"
+        " document.getElementById('worst').click(); return document.getElementById('slider').value; })()",
     )
     assert report["faults"] == []
-    opened, overflow, playing, ended, _, sought, tip = report["answers"]
+    opened, overflow, playing, ended, _, sought, tip, worst = report["answers"]
     assert opened.startswith("0.00 s · state 0")
     assert max(overflow) <= 0
     assert "Pause" in playing
@@ -212,6 +249,7 @@ def test_page_opens_fits_a_laptop_plays_and_seeks_without_a_fault(picture, visit
     assert "state 5" in sought
     assert "worst state" in sought
     assert tip == pytest.approx(1e3 * picture.positions[5, -1, 2], abs=1e-4)
+    assert worst == "5"
 
 
 @pytest.mark.browser
