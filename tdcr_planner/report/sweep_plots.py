@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import posixpath
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from tdcr_planner.report import plots
 from tdcr_planner.report.tables import Row
@@ -17,6 +19,7 @@ from tdcr_planner.sweep.table import group_rows
 _COLOURS = tuple(plots.PALETTE[name] for name in ("blue", "vermilion", "green", "purple", "orange", "sky"))
 _DASHES = ("-", "--", "-.", ":")
 _DPI = 120
+_BAR_PX, _TITLE_PX, _FOOT_PX = 15, 50, 110
 
 
 def write_sweep_plots(suite: Suite, rows: Sequence[Row], folder: Path) -> None:
@@ -35,40 +38,61 @@ def write_sweep_plots(suite: Suite, rows: Sequence[Row], folder: Path) -> None:
 
 
 def draw_success(suite: Suite, rows: Sequence[Row]) -> Figure:
-    """Returns a figure of the share of verified queries by scenario and by difficulty, with 95 % intervals."""
+    """Returns a figure of the share of verified queries by difficulty and by scenario, with 95 % intervals."""
     names = [entry.file for entry in suite.file.scenarios if any(row["scenario"] == entry.file for row in rows)]
-    height = max(420, 120 + 26 * len(names) * len(_variants(rows)))
-    figure = plots.new_figure(1200, min(height, 3000), _DPI)
-    left, right = figure.subplots(1, 2, width_ratios=(2, 1))
-    _draw_rates(left, rows, "scenario", names)
     levels = [level for level in suite.difficulties if any(row["difficulty"] == level for row in rows)]
-    _draw_rates(right, rows, "difficulty", levels)
-    left.set_title("Verified paths by scenario")
-    right.set_title("By difficulty")
-    handles, labels = left.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=4)
-    figure.tight_layout(rect=(0.0, 0.06, 1.0, 1.0))
+    bars = max(len(_variants(rows)), 2)
+    heights = [len(group) * bars * _BAR_PX for group in (levels, names)]
+    figure = plots.new_figure(1000, sum(heights) + 2 * _TITLE_PX + _FOOT_PX, _DPI)
+    upper, lower = figure.subplots(2, 1, height_ratios=heights, sharex=True)
+    _draw_rates(upper, rows, "difficulty", levels, levels)
+    _draw_rates(lower, rows, "scenario", names, _short_names(names))
+    upper.set_title("Verified paths by difficulty")
+    lower.set_title("By scenario")
+    lower.set_xlabel("verified (%), line: 95 % interval")
+    handles, labels = upper.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=3)
+    legend_rows = -(-len(labels) // 3)
+    figure.tight_layout(rect=(0.0, 22.0 * legend_rows * _DPI / 100.0 / figure.bbox.height, 1.0, 1.0))
     return figure
 
 
-def _draw_rates(axes: Axes, rows: Sequence[Row], column: str, names: Sequence[str]) -> None:
+def _draw_rates(axes: Axes, rows: Sequence[Row], column: str, names: Sequence[str], shown_names: Sequence[str]) -> None:
     variants = _variants(rows)
     groups = {(group[column], *_variant(group)): group for group in group_rows(rows, (column, "planner", "model"))}
     thickness = 0.8 / len(variants)
     for place, variant in enumerate(variants):
+        colour, label = _COLOURS[place % len(_COLOURS)], _label(variant)
         for position, name in enumerate(names):
             if (name, *variant) not in groups:
                 continue
             rate = groups[(name, *variant)]["verified"]
             y = position + (place - 0.5 * (len(variants) - 1)) * thickness
-            label = _label(variant) if position == 0 else None
-            axes.barh(y, 100.0 * rate["value"], 0.85 * thickness, color=_COLOURS[place % len(_COLOURS)], label=label)
-            axes.plot([100.0 * rate["low"], 100.0 * rate["high"]], [y, y], color=plots.INK, linewidth=1.2)
-    axes.set_yticks(range(len(names)), [name.removesuffix(".toml") for name in names])
-    axes.invert_yaxis()
-    axes.set_xlim(0.0, 100.0)
-    axes.set_xlabel("verified (%), line: 95 % interval")
+            axes.barh(y, 100.0, 0.85 * thickness, color=plots.GRID, alpha=0.5)
+            axes.barh(y, 100.0 * rate["value"], 0.85 * thickness, color=colour, alpha=0.45, label=label)
+            axes.plot([100.0 * rate["low"], 100.0 * rate["high"]], [y, y], color=colour, linewidth=2.0)
+            axes.annotate(
+                f"{rate['count']} of {rate['total']}",
+                (100.0, y),
+                xytext=(6, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=8.0,
+            )
+            label = "_"  # a second entry in the legend is none
+    axes.set_yticks(range(len(names)), shown_names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xlim(0.0, 110.0)
+    axes.set_xticks(range(0, 101, 20))
     axes.grid(visible=False, axis="y")
+
+
+def _short_names(names: Sequence[str]) -> list[str]:
+    """Returns file names without their ending and the folder that all of them share."""
+    folders = [posixpath.dirname(name) for name in names]
+    mixed = len({folder.startswith("/") for folder in folders}) > 1
+    shared = "" if mixed else posixpath.commonpath(folders)
+    return [name.removeprefix(shared).lstrip("/").removesuffix(".toml") for name in names]
 
 
 def draw_times(suite: Suite, rows: Sequence[Row]) -> Figure:
@@ -92,6 +116,7 @@ def draw_times(suite: Suite, rows: Sequence[Row]) -> Figure:
             label=f"{_label(variant)}: {len(times)} of {len(own)}",
         )
     axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.set_xlim(0.8 * max(shortest, 1e-3), longest)
     axes.set_ylim(0.0, 102.0)
     axes.set_xlabel("time for search, verification and repair (s)")
@@ -123,9 +148,9 @@ def draw_spread(suite: Suite, rows: Sequence[Row]) -> Figure:
             axes.plot([low, high], [place, place], color=colour, linewidth=1.5)
             axes.plot([first, third], [place, place], color=colour, linewidth=9.0, alpha=0.45, solid_capstyle="butt")
             axes.plot(middle, place, "o", color=colour)
-        axes.set_xlabel(f"{label}: median, 25 to 75 %, 10 to 90 %")
+        axes.set_xlabel(f"{label}\nmedian, 25 to 75 %, 10 to 90 %")
         axes.set_yticks(range(len(variants)), [_label(variant) for variant in variants])
-        axes.set_ylim(-0.6, len(variants) - 0.4)
+        axes.set_ylim(len(variants) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
     figure.axes[0].set_title(f"{suite.title}: verified paths")
     figure.tight_layout()
