@@ -204,6 +204,10 @@ def bounds_at(field, x, y, z, enough):  # type: ignore[no-untyped-def]
     A distance changes by no more than the way gone, so a node at distance r from the point whose value is v bounds the
     point's distance by |v| - r and |v| + r. All eight corners of the point's cell do so.
 
+    The eight together say more: with d the distance from any closed set, d(p)^2 - |p|^2 is the least of functions that
+    are linear in p, hence concave, so it is no less at p than its mean over the corners with p's trilinear weights w:
+    d(p)^2 >= sum w v^2 - sum w r^2, and sum w r^2 = h^2 (fx (1 - fx) + fy (1 - fy) + fz (1 - fz)).
+
     The side is 1 for right, -1 for wrong, 0 for unknown. A node's side is the point's where no wall lies between them
     (|v| > r) and both are in front of the entry plane, so that no entry does either.
 
@@ -232,7 +236,7 @@ def bounds_at(field, x, y, z, enough):  # type: ignore[no-untyped-def]
     fx, fy, fz = ux - ix, uy - iy, uz - iz
     sided = field.rules[0] == 1 and depth > 0.0
     side = 0 if sided else 1
-    lower, upper = 0.0, np.inf
+    lower, upper, mean = 0.0, np.inf, 0.0
     # The nearest corner first: it most often decides alone.
     cx, cy, cz = (1 if fx > 0.5 else 0), (1 if fy > 0.5 else 0), (1 if fz > 0.5 else 0)
     for corner in range(8):
@@ -241,9 +245,11 @@ def bounds_at(field, x, y, z, enough):  # type: ignore[no-untyped-def]
         distance = abs(value)
         ax, ay, az = fx - jx, fy - jy, fz - jz
         r = h * math.sqrt(ax * ax + ay * ay + az * az)
-        low = distance * (1.0 - ROUNDING) - r
+        least = distance * (1.0 - ROUNDING)
+        low = least - r
         if low > lower:
             lower = low
+        mean += (fx if jx else 1.0 - fx) * (fy if jy else 1.0 - fy) * (fz if jz else 1.0 - fz) * least * least
         upper = min(upper, distance * (1.0 + ROUNDING) + r)
         if sided and side == 0 and low > 0.0:
             node = depth
@@ -252,5 +258,8 @@ def bounds_at(field, x, y, z, enough):  # type: ignore[no-untyped-def]
             if node > 0.0:
                 side = 1 if value > 0.0 else -1
         if lower > enough and side != 0:
-            break
+            return lower, upper, side
+    square = mean - h * h * (fx * (1.0 - fx) + fy * (1.0 - fy) + fz * (1.0 - fz))
+    if square > lower * lower:
+        lower = math.sqrt(square)
     return lower, upper, side

@@ -8,16 +8,16 @@ import numpy as np
 from numba import njit
 
 from tdcr_planner.collision.body import across, part_ball, place_solid
-from tdcr_planner.collision.containment import deepest_point, wrong_part
+from tdcr_planner.collision.containment import deepest_point
 from tdcr_planner.collision.distance import solid_distance
 from tdcr_planner.collision.field import bounds_at, front
 from tdcr_planner.collision.first_look import SPARE, look_at_parts
 from tdcr_planner.collision.self_contact import near_pairs
 
-# CLEAR: touches no wall, but its side is not known yet.
+# CLEAR: touches no wall, but the field does not know its side.
 FREE, HIT, OPEN, CLEAR = 0, 1, 2, 3
 # Balls tried for one solid before its exact distance is computed, which costs about as much.
-BALLS = 32
+BALLS = 16
 
 
 @njit(cache=True, nogil=True)
@@ -196,7 +196,7 @@ def _side_of_clear(field, body, index, centre, axis, half):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True)
 def _settle_parts(field, body, positions, rotations, parts_open, left):  # type: ignore[no-untyped-def]
-    """Keeps of the parts left open those that all corners about their middle leave open; returns how many, -1 for a hit."""
+    """Keeps of the open parts those that all corners about their middle leave open; returns how many, -1 for a hit."""
     centre = np.empty(3)
     kept = 0
     for i in range(left):
@@ -218,8 +218,12 @@ def _settle_parts(field, body, positions, rotations, parts_open, left):  # type:
 
 
 @njit(cache=True, nogil=True)
-def _settle_state(field, wall, side, body, positions, rotations, undecided, parts_open):  # type: ignore[no-untyped-def]
-    """Returns FREE, HIT or OPEN for one state and one mesh; marks the solids left to FCL in `undecided`, shape (m,)."""
+def _settle_state(field, wall, body, positions, rotations, undecided, parts_open):  # type: ignore[no-untyped-def]
+    """Judges one state and one mesh; marks the solids left to FCL in `undecided`, shape (m,).
+
+    Returns:
+        FREE, HIT, or OPEN where solids are left to FCL, or CLEAR where none touches but the side is not known.
+    """
     # Plain hits are found before any closer look is paid for.
     left = look_at_parts(field, body, positions, rotations, parts_open)
     if left > 0:
@@ -252,38 +256,39 @@ def _settle_state(field, wall, side, body, positions, rotations, undecided, part
                 answer = OPEN
             elif result == CLEAR and answer == FREE:
                 answer = CLEAR
-    if answer == CLEAR:
-        return HIT if wrong_part(side, body, positions, rotations) >= 0 else FREE
     return answer
 
 
 @njit(cache=True, nogil=True)
-def settle_batch(field, wall, side, verdict, body, positions, rotations, codes, undecided):  # type: ignore[no-untyped-def]
+def settle_batch(field, wall, verdict, body, positions, rotations, codes, undecided, open_rows):  # type: ignore[no-untyped-def]
     """Settles what the field of one mesh can about a batch; rows whose code is not 0 are left alone.
 
     Args:
         field: The mesh's field.
         wall: The tree of the mesh's walls.
-        side: `Side` of the mesh.
         verdict: Code to write into the rows that surely hit.
         body: `BodyArrays`.
         positions: Shape (n, d, 3), m, world frame.
         rotations: Shape (n, d, 3, 3).
         codes: Shape (n,), int8.
         undecided: Shape (n, m), false before; set true for the solids that FCL must decide.
+        open_rows: Shape (n,), bool, written: the rows that are not settled. Where none of their undecided solids
+            touches, the side is still to be found.
 
     Returns:
-        The number of rows with undecided solids.
+        The number of open rows.
     """
     parts_open = np.empty(len(body.part_first), np.int64)
     total = 0
     for row in range(len(positions)):
+        open_rows[row] = False
         if codes[row] != 0:
             continue
-        result = _settle_state(field, wall, side, body, positions[row], rotations[row], undecided[row], parts_open)
+        result = _settle_state(field, wall, body, positions[row], rotations[row], undecided[row], parts_open)
         if result == HIT:
             codes[row] = verdict
-        elif result == OPEN:
+        elif result != FREE:
+            open_rows[row] = True
             total += 1
     return total
 
