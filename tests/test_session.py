@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 
@@ -133,3 +134,46 @@ def test_a_repair_whose_search_finds_nothing_is_said_in_the_message(tmp_path: Pa
     empty = "and the last one's search came back empty: the start is not valid: obstacle: "
     said = f"; {result.repairs} repairs were tried, {empty}"
     assert said in result.message
+
+
+def test_a_roadmap_answers_queries_in_its_scene(session: PlanningSession, tmp_path: Path) -> None:
+    roadmap = session.build_roadmap(vertices=40, time_limit_s=120.0, seed=2)
+    start = session.scenario.file.start
+    row = session.space.row(start.bending_n, start.insertion_m, start.roll_deg)
+    np.testing.assert_array_equal(roadmap.rows[0], row)
+    session.use_roadmap(roadmap.save(tmp_path / "roadmap.npz"))
+    result = session.plan()
+    assert result.status is PlanStatus.VERIFIED
+    assert result.planner["iterations"] == 0
+    assert result.planner["roadmap"] == {"vertices": 40, "edges": len(roadmap.edges), "answered": True}
+    careful = session.plan(session.scenario.with_planner(clearance_m=0.001))
+    assert careful.status is PlanStatus.VERIFIED
+    assert careful.planner["iterations"] > 0
+    assert careful.planner["roadmap"] == {
+        "vertices": 40,
+        "edges": len(roadmap.edges),
+        "answered": False,
+        "unfit": "clearance_m: 0.0005, less than 0.001",
+    }
+    session.use_roadmap(None)
+    assert "roadmap" not in session.plan().planner
+
+
+def test_a_roadmap_for_less_than_the_session_asks_is_refused(session: PlanningSession) -> None:
+    roadmap = session.build_roadmap(vertices=5, time_limit_s=120.0)
+    for changes in ({"clearance_m": 0.001}, {"step_m": 0.001}, {"validity": "reference"}):
+        other = PlanningSession(session.scenario.with_planner(**changes))
+        with pytest.raises(InputError, match="roadmap: expected a roadmap that serves the scenario"):
+            other.use_roadmap(roadmap)
+        assert other.roadmap is None
+
+
+def test_one_short_build_serves_the_scenarios_of_the_duct() -> None:
+    # One robot in one scene, four starts and goals: in through the mouth, round the bend, through the narrowing, out.
+    folder = ROOT / "scenes/duct"
+    session = PlanningSession(load_scenario(folder / "scenario_weight.toml"))
+    session.use_roadmap(session.build_roadmap(vertices=600, time_limit_s=300.0))
+    for name in ("weight", "mouth", "sag", "withdraw"):
+        result = session.plan(load_scenario(folder / f"scenario_{name}.toml"))
+        assert result.status is PlanStatus.VERIFIED, name
+        assert result.planner["roadmap"]["answered"], name
