@@ -27,6 +27,7 @@ CELLS = 500_000
 FORMAT = "tdcr-field/1"
 # Nodes are stored in single precision; this share covers its rounding (6e-8) and that of the bounds.
 ROUNDING = 1e-6
+_told_not_kept: set[Path] = set()  # cache folders that could not be written to: one warning each
 
 
 class Field(NamedTuple):
@@ -103,7 +104,9 @@ def _load_or_fill(
         with write_file_whole(file) as temporary:
             temporary.write_bytes(hashlib.sha256(payload).digest() + payload)
     except (FormatError, OSError) as error:
-        logger.warning("the distance field of %s is not kept for later runs: %s", mesh.name, error)
+        if file.parent not in _told_not_kept:
+            _told_not_kept.add(file.parent)
+            logger.warning("distance fields are not kept for later runs in %s: %s", file.parent, error)
     return values
 
 
@@ -117,7 +120,7 @@ def _read_stored(file: Path, count: int) -> NDArray[np.float32] | None:
     """Returns a stored field, or None where there is none or its bytes are not those that were written."""
     try:
         content = file.read_bytes()
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
         logger.warning("%s cannot be read, so the field is computed again: %s", file, error)

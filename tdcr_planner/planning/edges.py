@@ -160,6 +160,8 @@ class EdgeChecker:
     def _coarse(self, row_a: FloatArray, row_b: FloatArray, step: float) -> FloatArray:
         """Returns where on the edge the first states stand: evenly, some steps apart, 3 at least."""
         motion = float(np.abs((row_b - row_a) * self.checker.motion_scale).sum())
+        if not math.isfinite(motion):
+            return _even(2)
         intervals = min(max(2, math.ceil(motion / (_COARSE_STEPS * step))), _MOST_STATES // 2)
         return _even(intervals)
 

@@ -68,7 +68,7 @@ def actuation_tables(space: ConfigurationSpace, tolerance: float) -> ActuationTa
 
 @numba.njit(cache=True)
 def actuate(rows, tables):  # type: ignore[no-untyped-def]
-    """Returns what `ConfigurationSpace.actuate` does, and which rows ask for too much tension.
+    """Returns what `ConfigurationSpace.actuate` does, and which rows ask for too much tension or are not finite.
 
     The bending vector lies in the cone of exactly one neighbouring pair of tendons (two on their common border, which
     then give the same tensions): the pair whose smaller tension is largest.
@@ -79,7 +79,7 @@ def actuate(rows, tables):  # type: ignore[no-untyped-def]
 
     Returns:
         Tensions (n, t), gravity (n, 3), tip force (n, 3), base positions (n, 3), base rotations (n, 3, 3), whether a
-        tension is over its limit (n,), and how many rows that concerns.
+        tension is over its limit or a number of the row is not finite (n,), and how many rows that concerns.
     """
     count = rows.shape[0]
     tensions = np.empty((count, tables.pretension.shape[0]))
@@ -104,6 +104,11 @@ def actuate(rows, tables):  # type: ignore[no-untyped-def]
             tensions[row, tables.tendons[best_pair, 1]] += max(best_second, 0.0)
         for tendon in range(tensions.shape[1]):
             over[row] |= tensions[row, tendon] > tables.limit[tendon]
+        total = 0.0
+        for column in range(rows.shape[1]):
+            total += rows[row, column]
+        # A bending vector that is not a number lies in no cone, so the tensions do not tell.
+        over[row] |= not math.isfinite(total)
         angle = rows[row, roll] if roll >= 0 else 0.0
         travel = rows[row, insertion] if insertion >= 0 else 0.0
         cosine, sine = math.cos(angle), math.sin(angle)

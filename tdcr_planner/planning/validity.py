@@ -134,8 +134,10 @@ class ValidityChecker:
         """
         *parts, over, excessive = actuate(rows, self._tables)
         codes = np.zeros(len(rows), dtype=np.int8)
-        if excessive and self._always_in_domain:
-            codes[over] = Cause.MODEL_DOMAIN.code
+        if excessive:
+            if self._always_in_domain:
+                codes[over] = Cause.MODEL_DOMAIN.code
+            codes[~np.isfinite(rows).all(axis=1)] = Cause.NOT_FINITE.code
         shapes = self._place(Actuation(*parts), codes)
         return shapes.positions, shapes.rotations, np.asarray(shapes.codes == 0)
 
@@ -150,6 +152,7 @@ class ValidityChecker:
         codes = np.zeros(len(rows), dtype=np.int8)
         if excessive:
             codes[over] = Cause.TENSION_LIMIT.code
+            codes[~np.isfinite(rows).all(axis=1)] = Cause.NOT_FINITE.code
         for centre, radius in self._ruled_out:
             near = (np.abs((rows - centre) * self.motion_scale).max(axis=1) < radius) & (codes == 0)
             codes[near] = Cause.RULED_OUT.code

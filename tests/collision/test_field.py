@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 
 import numpy as np
@@ -122,22 +123,61 @@ def test_several_meshes_are_all_asked(paper, scene_meshes, draw_poses):
     assert 10 < free.sum() < 140
 
 
-def test_a_cached_field_is_read_and_a_damaged_one_rebuilt(shapes, tmp_path, monkeypatch, caplog):
+@pytest.fixture
+def cached_ball(shapes, tmp_path, monkeypatch):
+    """A mesh, its field, and the file that the field is cached in."""
     monkeypatch.setenv("TDCR_CACHE_DIR", str(tmp_path))
     mesh = SceneMesh.from_arrays("ball", *shapes.sphere(0.05), "obstacle")
     built = build_field(mesh, make_side(mesh), CELLS)
     (file,) = tmp_path.glob("field-*.bin")
+    return mesh, built, file
+
+
+def test_a_cached_field_is_read(cached_ball, caplog):
+    mesh, built, file = cached_ball
     written = file.stat().st_mtime_ns
-    np.testing.assert_array_equal(build_field(mesh, make_side(mesh), CELLS).values, built.values)
+    with caplog.at_level(logging.WARNING):
+        np.testing.assert_array_equal(build_field(mesh, make_side(mesh), CELLS).values, built.values)
     assert file.stat().st_mtime_ns == written
-    content = bytearray(file.read_bytes())
-    for damage in (bytes(content[:1000]), b"", bytes(content[:-1] + bytes([content[-1] ^ 1]))):
-        file.write_bytes(damage)
-        with caplog.at_level(logging.WARNING):
-            np.testing.assert_array_equal(build_field(mesh, make_side(mesh), CELLS).values, built.values)
-        assert "is damaged" in caplog.text
-        assert file.read_bytes() == content
-        caplog.clear()
+    assert not caplog.records
+
+
+def of_another_shape(content):
+    """Returns what a file would hold whose field has fewer nodes: its hash is right, its length is not."""
+    payload = content[32:-400]
+    return hashlib.sha256(payload).digest() + payload
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[:1000],
+        lambda content: content[:-1] + bytes([content[-1] ^ 1]),
+        lambda content: np.random.default_rng(0).bytes(len(content)),
+        of_another_shape,
+        lambda content: content + content,
+    ],
+    ids=["empty", "truncated", "one bit", "garbage", "another shape", "twice"],
+)
+def test_a_damaged_cache_is_rebuilt(cached_ball, caplog, damage):
+    mesh, built, file = cached_ball
+    content = file.read_bytes()
+    file.write_bytes(damage(content))
+    with caplog.at_level(logging.WARNING):
+        np.testing.assert_array_equal(build_field(mesh, make_side(mesh), CELLS).values, built.values)
+    assert "is damaged" in caplog.text
+    assert file.read_bytes() == content
+
+
+def test_a_cache_that_cannot_be_read_is_computed_again(cached_ball, caplog):
+    mesh, built, file = cached_ball
+    # A folder in its place: what a file without permission is to a user, also where the tests run as root.
+    file.unlink()
+    file.mkdir()
+    with caplog.at_level(logging.WARNING):
+        np.testing.assert_array_equal(build_field(mesh, make_side(mesh), CELLS).values, built.values)
+    assert "cannot be read, so the field is computed again" in caplog.text
 
 
 def test_another_role_or_entry_has_another_field(shapes, tmp_path, monkeypatch):
@@ -152,11 +192,14 @@ def test_another_role_or_entry_has_another_field(shapes, tmp_path, monkeypatch):
     assert len(list(tmp_path.glob("field-*.bin"))) == 3
 
 
-def test_a_cache_that_cannot_be_written_is_only_a_warning(shapes, tmp_path, monkeypatch, caplog):
+def test_a_cache_that_cannot_be_written_is_one_warning(shapes, tmp_path, monkeypatch, caplog):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     monkeypatch.setenv("TDCR_CACHE_DIR", str(blocked))
-    mesh = SceneMesh.from_arrays("ball", *shapes.sphere(0.05), "obstacle")
+    meshes = [SceneMesh.from_arrays("ball", *shapes.sphere(size), "obstacle") for size in (0.05, 0.06)]
     with caplog.at_level(logging.WARNING):
-        assert len(build_field(mesh, make_side(mesh), CELLS).values) > 0
-    assert "not kept" in caplog.text
+        for mesh in meshes:
+            assert len(build_field(mesh, make_side(mesh), CELLS).values) > 0
+    (record,) = caplog.records
+    assert "distance fields are not kept for later runs" in record.message
+    assert str(blocked) in record.message

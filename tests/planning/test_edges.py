@@ -5,8 +5,17 @@ import itertools
 import numpy as np
 import pytest
 
+from tdcr_planner.collision.body import RobotBody
+from tdcr_planner.collision.meshes import SceneMesh
+from tdcr_planner.collision.scene import CollisionScene
 from tdcr_planner.planning.edges import EdgeChecker
-from tdcr_planner.planning.validity import sample_within_tensions
+from tdcr_planner.planning.validity import (
+    Cause,
+    ValidityChecker,
+    planning_margins,
+    rejections,
+    sample_within_tensions,
+)
 
 MOVING_BASE = {"insertion_m": [0.0, 0.1], "roll_deg": [-180.0, 180.0]}
 WALL_M = 1e-4
@@ -40,6 +49,25 @@ def test_no_thin_wall_across_an_edge_is_missed(make_setup, random, robot, step):
     for row_a, row_b, wall in walls_across_edges(setup, random, 60):
         setup.scene.boxes = wall
         assert not setup.edges.check_edge(row_a, row_b)
+
+
+def test_no_thin_wall_of_triangles_across_an_edge_is_missed(make_setup, random):
+    setup = make_setup("two_segment", base=MOVING_BASE, planner={"clearance_m": 0.0, "step_m": 0.004})
+    body = RobotBody(setup.scenario.robot, planning_margins(setup.scenario, setup.model))
+    corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+    # The corners of a box in this order have these faces, two triangles each.
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))])
+    for row_a, row_b in zip(*random_edges(setup, random, 25), strict=True):
+        at = row_a + random.uniform(0.02, 0.98) * (row_b - row_a)
+        points = setup.scene.body_points(*setup.checker.world_poses(at[None])[:2]).reshape(-1, 3)
+        size = np.full(3, 3e-4)
+        size[random.integers(3)] = WALL_M
+        wall = SceneMesh.from_arrays("wall", points[random.integers(len(points))] + size * corners, faces, "obstacle")
+        checker = ValidityChecker(setup.space, setup.model, CollisionScene([wall], body, cells=1000))
+        assert not EdgeChecker(checker, 0.004).check_edge(row_a, row_b)
+        # Without the wall nothing but the robot itself can be in the way, so it is the wall that is found.
+        assert rejections(checker.rejected) == {"obstacle": checker.rejected[Cause.OBSTACLE]}
 
 
 def test_the_walls_are_thin_enough_to_be_missed_without_the_half_step(make_setup, random):
@@ -116,6 +144,18 @@ def test_an_edge_that_stays_put_is_a_state(make_setup):
 def test_an_edge_out_of_the_tension_limits_never_reaches_the_scene(make_setup):
     setup = make_setup()
     assert not setup.edges.check_edge(np.zeros(2), np.array([9.0, 0.0]))
+    assert setup.scene.asked == 0
+
+
+def test_an_edge_to_a_configuration_that_is_not_finite_is_rejected_as_such(make_setup):
+    setup = make_setup(base=MOVING_BASE)
+    for column in range(4):
+        broken = np.zeros(4)
+        broken[column] = np.nan
+        assert not setup.edges.check_edge(np.zeros(4), broken)
+        assert not setup.edges.check_edge(broken, np.zeros(4))
+        assert not setup.edges.state_valid(broken)
+    assert set(rejections(setup.checker.rejected)) == {"nan"}
     assert setup.scene.asked == 0
 
 

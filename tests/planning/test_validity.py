@@ -72,6 +72,17 @@ def test_each_cause_is_told_and_counted(make_setup):
     np.testing.assert_array_equal(setup.checker.valid(np.array(rows)), [False] * 5 + [True])
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_configuration_that_is_not_finite_is_rejected_as_such(make_setup, value):
+    setup = make_setup(base=MOVING_BASE)
+    rows = np.zeros((5, 4))
+    np.fill_diagonal(rows[:4], value)
+    assert codes_of(setup, rows) == [Cause.NOT_FINITE] * 4 + [None]
+    assert rejections(setup.checker.rejected) == {"nan": 4}
+    assert setup.checker.world_poses(rows)[2].tolist() == [False] * 4 + [True]
+    assert setup.checker.explain(rows[0]) == "nan"
+
+
 def test_a_row_does_not_depend_on_its_batch(make_setup, random):
     setup = make_setup(model=Fickle, base=MOVING_BASE, boxes=[[[0.03, -0.1, 0.1], [0.2, 0.1, 0.15]]])
     rows = random.uniform(setup.space.lower, setup.space.upper, (200, setup.space.dimension))
