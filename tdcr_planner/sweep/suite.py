@@ -185,7 +185,7 @@ def _hash(content: SuiteFile, scenarios: Iterable[Scenario]) -> str:
         inputs.append(
             {
                 "scenario": scenario.sha256,
-                "robot": scenario.robot.mechanics_hash,
+                "robot": scenario.robot.model_dump(mode="json"),  # whole: its body and limits decide paths, too
                 "model": None if model is None else sha256_of_file(model),
                 "meshes": [sha256_of_file(scenario.resolve(mesh.file)) for mesh in scenario.file.meshes],
             }

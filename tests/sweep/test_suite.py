@@ -3,6 +3,7 @@ import itertools
 import pytest
 
 from tdcr_planner.errors import FormatError
+from tdcr_planner.planning.ompl_planner import PLANNERS
 from tdcr_planner.sweep.suite import load_suite
 
 
@@ -63,3 +64,23 @@ def test_hash_follows_what_decides_the_results(write_suite, tmp_path):
     with (tmp_path / "box.stl").open("ab") as stream:
         stream.write(b"\n")
     assert load_suite(path).sha256 != original
+
+
+def test_hash_follows_the_robots_body(write_suite, tmp_path, root):
+    path, robot = write_suite(), tmp_path / "robot.toml"
+    robot.write_text((root / "models/robots/paper.toml").read_text())
+    for name in ("scenario.toml", "second.toml"):
+        scenario = tmp_path / name
+        scenario.write_text(scenario.read_text().replace(str(root / "models/robots/paper.toml"), "robot.toml"))
+    original = load_suite(path).sha256
+    wider = robot.read_text().replace("disk_radius_m = 0.010", "disk_radius_m = 0.011")
+    assert wider != robot.read_text()
+    robot.write_text(wider)
+    assert load_suite(path).sha256 != original
+
+
+def test_the_planners_suite_names_all_on_offer(root):
+    suite = load_suite(root / "scenes/planners.toml")
+    assert set(suite.file.planners) == set(PLANNERS)
+    levels = {entry.file: entry.difficulty for entry in load_suite(root / "scenes/benchmark.toml").file.scenarios}
+    assert {entry.file: entry.difficulty for entry in suite.file.scenarios}.items() <= levels.items()
