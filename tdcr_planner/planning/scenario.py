@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.errors import FormatError
+from tdcr_planner.errors import FormatError, InputError, nearest_name
 from tdcr_planner.files import FileModel, NotNegative, Positive, Vector3, parse_table, read_toml, sha256_of_file
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
@@ -279,8 +279,20 @@ class Scenario:
         return (self.path.parent / relative).resolve()
 
     def with_planner(self, **changes: Any) -> Scenario:
-        """Returns the scenario with some planner settings replaced, for example seed=3 or validity="reference"."""
-        settings = PlannerSettings.model_validate({**self.planner.model_dump(), **changes})
+        """Returns the scenario with some planner settings replaced, for example seed=3 or validity="reference".
+
+        Raises:
+            InputError: There is no such setting, or it cannot have that value.
+        """
+        try:
+            settings = PlannerSettings.model_validate({**self.planner.model_dump(), **changes})
+        except ValidationError as error:
+            fault = error.errors()[0]
+            name = ".".join(str(item) for item in fault["loc"])
+            if fault["type"] == "extra_forbidden":
+                raise InputError("planner", nearest_name(name, PlannerSettings.model_fields), repr(name)) from error
+            expected = str(fault["msg"]).removeprefix("Input should be ")
+            raise InputError(f"planner.{name}", expected, repr(fault["input"])) from error
         return Scenario(self.path, self.sha256, self.file.model_copy(update={"planner": settings}), self.robot)
 
 

@@ -72,6 +72,15 @@ def test_ctrl_c_keeps_what_has_been_built(
         (["roadmap", "{scenario}", "--out", "{tmp}/a.npz", "--seconds", "nan"], "--seconds: expected a time above 0"),
         (["roadmap", "{scenario}", "--out", "{tmp}/a.npz", "--vertices", "0"], "--vertices: expected 1 or more"),
         (["roadmap", "{scenario}", "--out", "{tmp}/a.npz", "--seed", "0"], "--seed: expected 1 or more"),
+        (["roadmap", "{scenario}", "--out", "{scenario}/a.npz"], "scenario.toml: cannot be written: "),
+        (
+            ["plan", "{scenario}", "--out", "{tmp}/b", "--seed", "0"],
+            "planner.seed: expected greater than or equal",
+        ),
+        (
+            ["plan", "{scenario}", "--out", "{tmp}/b", "--time-limit-s", "nan"],
+            "planner.time_limit_s: expected a fini",
+        ),
         (["roadmap", "none.toml", "--out", "{tmp}/a.npz"], "none.toml: no such file"),
         (["plan", "{scenario}", "--out", "{tmp}/b", "--roadmap", "none.npz"], "none.npz: no such file"),
         (["plan", "{scenario}", "--out", "{tmp}/b", "--roadmap", "{scenario}"], "is damaged or no roadmap"),

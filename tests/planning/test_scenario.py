@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tdcr_planner.errors import FormatError
+from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.planning.scenario import Scenario, load_scenario
 
 Make = Callable[..., Scenario]
@@ -28,6 +28,23 @@ def test_planner_settings_can_be_replaced_and_stay_checked(make_scenario: Make) 
     assert scenario.planner.seed == 1
     with pytest.raises(ValueError, match="seed"):
         scenario.with_planner(seed=-1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seed": 0}, "planner.seed: expected greater than or equal to 1, got 0"),
+        ({"step_m": 1.0}, "planner.step_m: expected less than or equal to 0.1, got 1.0"),
+        (
+            {"validity": "guess"},
+            "planner.validity: expected 'learned', 'reference' or .*, got 'guess'",
+        ),
+        ({"sed": 1}, r"planner: expected did you mean 'seed'\?.*, got 'sed'"),
+    ],
+)
+def test_settings_that_cannot_be_are_named(make_scenario: Make, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make_scenario().with_planner(**changes)
 
 
 def test_base_frame(make_scenario: Make) -> None:
