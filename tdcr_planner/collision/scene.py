@@ -168,27 +168,50 @@ class CollisionScene:
         Raises:
             InputError: Wrong shapes. Poses that are not finite are no error but the verdict UNDEFINED.
         """
-        points, frames = self._check_poses(positions, rotations)
+        return self._judge(*self._check_poses(positions, rotations), stop=False)
+
+    def find_hit(self, positions: FloatArray, rotations: FloatArray) -> tuple[int, int]:
+        """Looks for a state that is not free and stops at the first found, for when one decides about all.
+
+        Args:
+            positions: Disk centres, shape (n, d, 3), m, world frame.
+            rotations: world_from_disk, shape (n, d, 3, 3).
+
+        Returns:
+            The place of such a state and its verdict, or -1 and `Verdict.FREE` where all are free.
+        """
+        codes = self._judge(positions, rotations, stop=True)
+        hits = np.flatnonzero(codes)
+        return (int(hits[0]), int(codes[hits[0]])) if len(hits) else (-1, 0)
+
+    def _judge(self, points: FloatArray, frames: FloatArray, stop: bool) -> Codes:
+        """Returns the verdicts, shape (n,); with `stop` it ends once a state is not free, and zeros mean nothing."""
         arrays = self.body.arrays
         rows = len(points)
         codes = np.empty(rows, dtype=np.int8)
         near, open_rows = np.empty(rows, dtype=np.bool_), np.empty(rows, dtype=np.bool_)
         near_rows = screen(arrays, self._self_pairs, points, frames, UNDEFINED_CODE, codes, near)
         for index, mesh in enumerate(self.meshes):
+            if stop and codes.any():
+                return codes
             code = self._codes[index]
             if self._settles:
                 undecided = np.zeros((rows, len(arrays.kind)), dtype=np.bool_)
                 field, wall = self._fields[index], mesh.wall_tree
-                if settle_batch(field, wall, code, arrays, points, frames, codes, undecided, open_rows) == 0:
+                if settle_batch(field, wall, code, arrays, points, frames, codes, undecided, open_rows, stop) == 0:
                     continue
             else:
                 undecided = np.ones((rows, len(arrays.kind)), dtype=np.bool_)
                 open_rows = codes == 0
             for row in np.flatnonzero(open_rows).tolist():
+                if stop and codes.any():
+                    return codes
                 if self._meets(index, points[row], frames[row], np.flatnonzero(undecided[row]).tolist()):
                     codes[row] = code
         if near_rows:
             for row in np.flatnonzero(near & (codes == 0)).tolist():
+                if stop and codes.any():
+                    return codes
                 self._objects.start(*place_solids(arrays, points[row], frames[row]))
                 if self._self_contact(points[row]) is not None:
                     codes[row] = Verdict.SELF

@@ -260,7 +260,7 @@ def _settle_state(field, wall, body, positions, rotations, undecided, parts_open
 
 
 @njit(cache=True, nogil=True)
-def settle_batch(field, wall, verdict, body, positions, rotations, codes, undecided, open_rows):  # type: ignore[no-untyped-def]
+def settle_batch(field, wall, verdict, body, positions, rotations, codes, undecided, open_rows, stop):  # type: ignore[no-untyped-def]
     """Settles what the field of one mesh can about a batch; rows whose code is not 0 are left alone.
 
     Args:
@@ -274,19 +274,22 @@ def settle_batch(field, wall, verdict, body, positions, rotations, codes, undeci
         undecided: Shape (n, m), false before; set true for the solids that FCL must decide.
         open_rows: Shape (n,), bool, written: the rows that are not settled. Where none of their undecided solids
             touches, the side is still to be found.
+        stop: Whether to leave the rows after the first hit as they are.
 
     Returns:
         The number of open rows.
     """
     parts_open = np.empty(len(body.part_first), np.int64)
     total = 0
+    open_rows[:] = False
     for row in range(len(positions)):
-        open_rows[row] = False
         if codes[row] != 0:
             continue
         result = _settle_state(field, wall, body, positions[row], rotations[row], undecided[row], parts_open)
         if result == HIT:
             codes[row] = verdict
+            if stop:
+                break
         elif result != FREE:
             open_rows[row] = True
             total += 1

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import deque
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 
-from tdcr_planner.arrays import FloatArray
+from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.planning.kernels import body_motion, fill_intervals
-from tdcr_planner.planning.validity import Cause, Shapes, ValidityChecker, disk_reaches
+from tdcr_planner.planning.validity import CAUSES, Cause, Scene, Shapes, ValidityChecker, disk_reaches
 
 _COARSE_STEPS = 4.0  # spacing of the first samples of an edge, in steps
 _MOST_ROUNDS = 40
@@ -20,6 +22,8 @@ _REMEMBERED = 200_000
 
 class EdgeChecker:
     """Checks edges: the end state first, then states in between so dense that nothing fits between them.
+
+    It stops at the first state found to hit; only the states up to that one count as checked.
 
     What is guaranteed. Let m be the clearance asked for plus the model's error bound. Every state taken keeps
     m + step / 2 (`planning_margins`). At each moment between two neighbouring states every point of the body is within
@@ -46,6 +50,7 @@ class EdgeChecker:
         self.edges_rejected = 0
         self._reaches = disk_reaches(checker.robot)
         self._known: set[bytes] = set()
+        self._find_hit = getattr(checker.scene, "find_hit", None) or _hit_by_check(checker.scene)
 
     def state_valid(self, row: FloatArray) -> bool:
         """Returns whether one state is valid, and remembers it when it is."""
@@ -83,7 +88,7 @@ class EdgeChecker:
             Shape (n, dimension), n of 2 or more.
         """
         size = self.step if step is None else float(step)
-        along = self._coarse(row_a, row_b, size)
+        along = np.linspace(0.0, 1.0, self._coarse(row_a, row_b, size) + 1)
         for _ in range(_MOST_ROUNDS):
             positions, rotations, _ = self.checker.world_poses(_between(row_a, row_b, along))
             order = np.arange(len(along))
@@ -109,18 +114,19 @@ class EdgeChecker:
 
     def _edge_valid(self, row_a: FloatArray, row_b: FloatArray) -> bool:
         checker = self.checker
-        along = self._coarse(row_a, row_b, self.step)
+        key_a, key_b = row_a.tobytes(), row_b.tobytes()
+        # Ends that are known stand first, to be skipped; else the far one does.
+        known_a, known_b = key_a in self._known, key_b in self._known
+        along, order = _ends_first(self._coarse(row_a, row_b, self.step), known_a)
         shapes = checker.shapes(_between(row_a, row_b, along))
         if shapes.codes.any():
             checker.count(shapes.codes)
             return False
-        if not self._ends_valid(row_a, row_b, shapes):
+        if not self._all_free(shapes, known_a + known_b):
             return False
-        order = np.arange(len(along))
-        tested = Shapes(shapes.codes[1:-1], shapes.positions[1:-1], shapes.rotations[1:-1])
+        self._remember(key_a)
+        self._remember(key_b)
         while True:
-            if not self._all_free(tested):
-                return False
             motion = body_motion(shapes.positions, shapes.rotations, along, order, self._reaches)
             added = fill_intervals(along, order, motion, self.step)
             if not len(added):
@@ -128,42 +134,33 @@ class EdgeChecker:
             if len(along) + len(added) > _MOST_STATES:
                 checker.rejected[Cause.EDGE] += 1
                 return False
+            added = added[_middles_first(len(added))]
             tested = checker.shapes(_between(row_a, row_b, added))
             if tested.codes.any():
                 checker.count(tested.codes)
+                return False
+            if not self._all_free(tested, 0):
                 return False
             along = np.concatenate([along, added])
             order = np.argsort(along, kind="stable")
             shapes = _join(shapes, tested)
 
-    def _ends_valid(self, row_a: FloatArray, row_b: FloatArray, shapes: Shapes) -> bool:
-        """Tests the ends of an edge unless they are known, the far one first."""
-        for row, place in ((row_b, len(shapes.codes) - 1), (row_a, 0)):
-            key = row.tobytes()
-            if key in self._known:
-                continue
-            one = slice(place, place + 1)
-            if not self._all_free(Shapes(shapes.codes[one], shapes.positions[one], shapes.rotations[one])):
-                return False
-            self._remember(key)
-        return True
-
-    def _all_free(self, shapes: Shapes) -> bool:
-        """Asks the scene about states that no cheaper test has rejected, and counts them."""
-        verdicts = self.checker.scene.check(shapes.positions, shapes.rotations)
-        if not verdicts.any():
-            self.checker.states_checked += len(verdicts)
+    def _all_free(self, shapes: Shapes, first: int) -> bool:
+        """Asks the scene about states, from `first` on, that no cheaper test has rejected, and counts them."""
+        hit, code = self._find_hit(shapes.positions[first:], shapes.rotations[first:])
+        if hit < 0:
+            self.checker.states_checked += len(shapes.codes) - first
             return True
-        self.checker.count(verdicts)
+        self.checker.states_checked += hit + 1
+        self.checker.rejected[CAUSES[code - 1]] += 1
         return False
 
-    def _coarse(self, row_a: FloatArray, row_b: FloatArray, step: float) -> FloatArray:
-        """Returns where on the edge the first states stand: evenly, some steps apart, 3 at least."""
+    def _coarse(self, row_a: FloatArray, row_b: FloatArray, step: float) -> int:
+        """Returns into how many even intervals the first states split the edge: some steps wide, 2 at least."""
         motion = float(np.abs((row_b - row_a) * self.checker.motion_scale).sum())
         if not math.isfinite(motion):
-            return _even(2)
-        intervals = min(max(2, math.ceil(motion / (_COARSE_STEPS * step))), _MOST_STATES // 2)
-        return _even(intervals)
+            return 2
+        return min(max(2, math.ceil(motion / (_COARSE_STEPS * step))), _MOST_STATES // 2)
 
     def _remember(self, key: bytes) -> None:
         if len(self._known) >= _REMEMBERED:
@@ -171,17 +168,51 @@ class EdgeChecker:
         self._known.add(key)
 
 
-@lru_cache(maxsize=1024)
-def _even(intervals: int) -> FloatArray:
-    """Returns the parameters of the ends of even intervals, shape (intervals + 1,); not to be written to."""
-    return np.linspace(0.0, 1.0, intervals + 1)
+def _hit_by_check(scene: Scene) -> Callable[[FloatArray, FloatArray], tuple[int, int]]:
+    """Returns what stands for `CollisionScene.find_hit` with a scene that has no such method."""
+
+    def find_hit(positions: FloatArray, rotations: FloatArray) -> tuple[int, int]:
+        # The first state is the likeliest to hit, so it is asked about alone.
+        for start, stop in ((0, 1), (1, len(positions))):
+            if start < stop:
+                codes = np.asarray(scene.check(positions[start:stop], rotations[start:stop]))
+                hits = np.flatnonzero(codes)
+                if len(hits):
+                    return start + int(hits[0]), int(codes[hits[0]])
+        return -1, 0
+
+    return find_hit
+
+
+@lru_cache(maxsize=256)
+def _ends_first(intervals: int, start_first: bool) -> tuple[FloatArray, IntArray]:
+    """Returns the parameters of the ends of even intervals, and what puts them in order; neither is to be written to.
+
+    The two ends of the edge stand first, its start or its far end before the other, then the middle of what is widest.
+    """
+    even = np.linspace(0.0, 1.0, intervals + 1)
+    ends = [0, intervals] if start_first else [intervals, 0]
+    places = np.concatenate([ends, 1 + _middles_first(intervals - 1)])
+    return even[places], np.argsort(places)
+
+
+@lru_cache(maxsize=256)
+def _middles_first(count: int) -> IntArray:
+    """Returns the numbers below count, the middle one first, then those of the halves, and so on."""
+    places, halves = [], deque([(0, count)])
+    while halves:
+        low, high = halves.popleft()
+        if low < high:
+            middle = (low + high) // 2
+            places.append(middle)
+            halves += [(low, middle), (middle + 1, high)]
+    return np.array(places, dtype=np.int64)
 
 
 def _between(row_a: FloatArray, row_b: FloatArray, along: FloatArray) -> FloatArray:
     """Returns the states at parameters (n,) of an edge, its ends exactly those given, shape (n, dimension)."""
     rows = row_a + along[:, None] * (row_b - row_a)
-    if along[-1] == 1.0:
-        rows[-1] = row_b
+    rows[along == 1.0] = row_b
     return np.asarray(rows)
 
 

@@ -123,6 +123,27 @@ def test_several_meshes_are_all_asked(paper, scene_meshes, draw_poses):
     assert 10 < free.sum() < 140
 
 
+@pytest.mark.parametrize("field", ["auto", None])
+def test_a_hit_is_found_exactly_where_there_is_one(paper, scene_meshes, draw_poses, field):
+    meshes = [scene_meshes["room"], scene_meshes["sphere"], scene_meshes["sheet"]]
+    scene = CollisionScene(meshes, RobotBody(paper), cells=CELLS, field=field)
+    positions, rotations = draw_poses(paper, np.random.default_rng(8), 120, spread=0.2)
+    positions[7, 3] = np.nan
+    codes = scene.check(positions, rotations)
+    assert len(np.unique(codes)) >= 4
+    for start in range(0, 120, 3):
+        batch = slice(start, start + 3)
+        place, code = scene.find_hit(positions[batch], rotations[batch])
+        if code:
+            assert codes[start + place] == code
+        else:
+            assert place == -1
+            assert not codes[batch].any()
+    free = codes == 0
+    assert scene.find_hit(positions[free], rotations[free]) == (-1, 0)
+    assert scene.find_hit(positions[:0], rotations[:0]) == (-1, 0)
+
+
 @pytest.fixture
 def cached_ball(shapes, tmp_path, monkeypatch):
     """A mesh, its field, and the file that the field is cached in."""

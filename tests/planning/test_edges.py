@@ -8,7 +8,7 @@ import pytest
 from tdcr_planner.collision.body import RobotBody
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.scene import CollisionScene
-from tdcr_planner.planning.edges import EdgeChecker
+from tdcr_planner.planning.edges import EdgeChecker, _ends_first
 from tdcr_planner.planning.validity import (
     Cause,
     ValidityChecker,
@@ -145,6 +145,19 @@ def test_an_edge_out_of_the_tension_limits_never_reaches_the_scene(make_setup):
     setup = make_setup()
     assert not setup.edges.check_edge(np.zeros(2), np.array([9.0, 0.0]))
     assert setup.scene.asked == 0
+
+
+@pytest.mark.parametrize("intervals", [2, 3, 8, 21])
+@pytest.mark.parametrize("start_first", [True, False])
+def test_the_first_states_of_an_edge_are_its_ends_and_then_middles(intervals, start_first):
+    along, order = _ends_first(intervals, start_first)
+    assert along[:2].tolist() == ([0.0, 1.0] if start_first else [1.0, 0.0])
+    np.testing.assert_array_equal(along[order], np.linspace(0.0, 1.0, intervals + 1))
+    # Halving the widest gaps, as near as whole numbers go, makes all of them at most a power of two of intervals wide.
+    places = np.rint(along * intervals)
+    for count in range(3, len(along) + 1):
+        widest = np.diff(np.sort(places[:count])).max()
+        assert widest <= 2.0 ** np.ceil(np.log2(intervals) - np.floor(np.log2(count - 1)))
 
 
 def test_an_edge_to_a_configuration_that_is_not_finite_is_rejected_as_such(make_setup):
