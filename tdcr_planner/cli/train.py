@@ -41,7 +41,7 @@ def train(
     from tdcr_planner.cli.backend import choose_backend
     from tdcr_planner.cli.progress import StageBar
     from tdcr_planner.learning.checkpoint import checkpoint_path
-    from tdcr_planner.learning.measured import train_on_measured
+    from tdcr_planner.learning.fitting import train_on_measured
     from tdcr_planner.learning.settings import load_train_settings
     from tdcr_planner.learning.train import train_model
     from tdcr_planner.robot import load_robot

@@ -1,28 +1,19 @@
-"""Measured shapes from a test bench: reading them, and fitting the robot and its model to them."""
+"""Measured shapes from a test bench: reading their file and refusing what cannot have been measured."""
 
 from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import read_text
-from tdcr_planner.learning.checkpoint import write_bytes
-from tdcr_planner.learning.dataset import Cases, Progress, no_progress
-from tdcr_planner.learning.settings import TrainSettings
+from tdcr_planner.learning.dataset import Cases
+from tdcr_planner.learning.loads import LARGEST_GRAVITY_M_S2, LARGEST_LOAD_RATIO, load_ratio
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.shape.card import Calibration, ModelCard
-from tdcr_planner.statics.solver import RodSolution, SolverSettings, solve_statics
-from tdcr_planner.workers import Backend
-
-# Prior on the logarithm of the stiffness: handbooks' values of Young's modulus spread by about this much.
-_PRIOR_SPREAD = 0.3
 
 
 @dataclass(frozen=True)
@@ -55,7 +46,7 @@ def read_measured_shapes(path: str | Path, robot: RobotSpec) -> MeasuredShapes:
 
     Raises:
         FormatError: Columns are missing or unknown, a field is no finite number, a tension is negative or far beyond
-            its limit, or positions lie beyond the robot's reach, as they do in the wrong unit.
+            its limit, or positions or loads are beyond this robot, as they are in the wrong unit.
     """
     header, rows = _read_table(path)
     disks = _check_columns(path, header, robot)
@@ -73,154 +64,9 @@ def read_measured_shapes(path: str | Path, robot: RobotSpec) -> MeasuredShapes:
     names = [name for disk in disks for name in _axes(f"disk_{disk}_{{}}_m")]
     positions = vectors(names, may_be_empty=True).reshape(len(rows), len(disks), 3)
     _check_values(path, rows, tensions, positions, disks, robot)
-    return MeasuredShapes(Path(path), Cases(tensions, *loads), disks, positions)
-
-
-def fit_stiffness(
-    robot: RobotSpec, measured: MeasuredShapes, weight: float, noise_m: float
-) -> tuple[RobotSpec, Calibration]:
-    """Returns the robot whose stiffness fits measured shapes, by least squares through the reference.
-
-    Minimises weight * sum |p - p_measured|^2 / noise^2 + (ln scale / 0.3)^2 over one factor on Young's modulus of all
-    backbones. It is the part of the loss that measured shapes decide: given the stiffness, the shape is mechanics.
-
-    Args:
-        robot: The robot as its file has it.
-        measured: Measured shapes.
-        weight: Weight of the measured part of the loss.
-        noise_m: Standard deviation of a measured coordinate, m.
-
-    Returns:
-        The robot with the identified Young's modulus, and what was found.
-
-    Raises:
-        FormatError: No stiffness makes the robot able to take the measured loads.
-    """
-    seen = np.isfinite(measured.positions)
-    latest: list[RodSolution | None] = [None]
-
-    def distances(scale: float) -> FloatArray:
-        cases = measured.cases
-        solution = solve_statics(
-            scale_stiffness(robot, scale),
-            cases.tensions,
-            gravity=cases.gravity,
-            tip_force=cases.tip_force,
-            initial=latest[0],
-            settings=SolverSettings(),
-        )
-        if not solution.converged.all():
-            row = int(np.flatnonzero(~solution.converged)[0])
-            raise FormatError(
-                measured.path,
-                f"the robot has no equilibrium there (stiffness factor {scale:.3g}, status {solution.status[row]}); "
-                "check tensions and loads",
-                f"shape {row + 1}",
-            )
-        latest[0] = solution
-        return np.asarray((solution.positions[:, list(measured.disks)] - measured.positions)[seen])
-
-    def residuals(parameters: FloatArray) -> FloatArray:
-        scaled = np.sqrt(weight) / noise_m * distances(float(np.exp(parameters[0])))
-        return np.append(scaled, parameters[0] / _PRIOR_SPREAD)
-
-    fit = least_squares(residuals, np.zeros(1), bounds=(np.log(0.2), np.log(5.0)), diff_step=1e-4, x_scale=0.1)
-    scale = float(np.exp(fit.x[0]))
-    calibration = Calibration(
-        measured_file=measured.path.name,
-        shapes=len(measured.cases),
-        stiffness_scale=scale,
-        rms_before_mm=1e3 * _point_rms(distances(1.0)),
-        rms_after_mm=1e3 * _point_rms(distances(scale)),
-    )
-    return scale_stiffness(robot, scale), calibration
-
-
-def scale_stiffness(robot: RobotSpec, scale: float) -> RobotSpec:
-    """Returns a robot with Young's modulus of all its backbones multiplied."""
-    backbone = robot.backbone.model_copy(update={"youngs_modulus_pa": scale * robot.backbone.youngs_modulus_pa})
-    segments = tuple(
-        segment
-        if segment.backbone is None
-        else segment.model_copy(
-            update={
-                "backbone": segment.backbone.model_copy(
-                    update={"youngs_modulus_pa": scale * segment.backbone.youngs_modulus_pa}
-                )
-            }
-        )
-        for segment in robot.segments
-    )
-    # Built anew: a copy would keep what the old one has computed and cached.
-    content = robot.model_dump()
-    content |= {"backbone": backbone.model_dump(), "segments": [segment.model_dump() for segment in segments]}
-    return RobotSpec.model_validate(content)
-
-
-def train_on_measured(
-    robot: RobotSpec,
-    settings: TrainSettings,
-    out: Path,
-    *,
-    progress: Progress = no_progress,
-    log_folder: Path | None = None,
-    backend: Backend | None = None,
-) -> ModelCard:
-    """Fits the robot to measured shapes, then trains (or fine-tunes) a model for that robot.
-
-    Writes the model, and beside it `<out>.robot.toml`, the robot that the measurements describe: it is the one to name
-    in scenarios, so that search and verification speak of the same robot as the measurements.
-
-    Args:
-        robot: The robot as its file has it.
-        settings: What train.toml says; with a table [measured].
-        out: The model file.
-        progress: Called with stage, steps done, steps in all and a remark.
-        log_folder: Where to write TensorBoard logs; None for none.
-        backend: Where the reference solves the cases; None for this process.
-    """
-    from tdcr_planner.learning.train import train_model
-
-    assert settings.measured is not None
-    measured = read_measured_shapes(settings.resolve(settings.measured.file), robot)
-    progress("fitting", 0, 1, f"{len(measured.cases)} measured shapes")
-    fitted, calibration = fit_stiffness(robot, measured, settings.loss.measured, settings.measured.noise_m)
-    progress("fitting", 1, 1, f"stiffness times {calibration.stiffness_scale:.4g}")
-    card = train_model(
-        fitted, settings, out, progress=progress, log_folder=log_folder, calibration=calibration, backend=backend
-    )
-    write_bytes(out.with_suffix(".robot.toml"), format_robot(fitted).encode())
-    return card
-
-
-def format_robot(robot: RobotSpec) -> str:
-    """Returns a robot as the TOML text of its file."""
-    content = robot.model_dump(exclude_none=True)
-    lines = [f'format = "{robot.format}"', f"name = {_toml_value(robot.name)}"]
-    lines += ["", "[backbone]", *_toml_lines(content["backbone"])]
-    for segment in content["segments"]:
-        own = segment.pop("backbone", None)
-        lines += ["", "[[segments]]", *_toml_lines(segment)]
-        if own is not None:
-            lines += ["", "[segments.backbone]", *_toml_lines(own)]
-    lines += ["", "[tip]", *_toml_lines(content["tip"]), "", "[body]", *_toml_lines(content["body"])]
-    return "\n".join(lines) + "\n"
-
-
-def _toml_lines(table: dict[str, Any]) -> list[str]:
-    return [f"{key} = {_toml_value(value)}" for key, value in table.items()]
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, (tuple, list)):
-        return "[" + ", ".join(_toml_value(item) for item in value) + "]"
-    return repr(value)
-
-
-def _point_rms(differences: FloatArray) -> float:
-    return float(np.sqrt(3.0 * np.mean(differences**2)))
+    gravity, tip_force = loads
+    _check_loads(path, rows, gravity, tip_force, robot)
+    return MeasuredShapes(Path(path), Cases(tensions, gravity, tip_force), disks, positions)
 
 
 def _read_table(path: str | Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
@@ -325,3 +171,16 @@ def _check_values(
             f"all points lie within {np.nanmax(distance):g} m of the base of a robot of {robot.length:g} m; "
             "is the unit metre?",
         )
+
+
+def _check_loads(
+    path: str | Path, rows: list[tuple[int, list[str]]], gravity: FloatArray, tip_force: FloatArray, robot: RobotSpec
+) -> None:
+    """Finds gravity that no bench stands in, and forces under which stiffness would hardly count."""
+    pull, force = np.linalg.norm(gravity, axis=1), np.linalg.norm(tip_force, axis=1)
+    for row in np.flatnonzero(pull > LARGEST_GRAVITY_M_S2)[:1]:
+        problem = f"expected a gravity of at most {LARGEST_GRAVITY_M_S2:g} m/s^2, got {pull[row]:g}; is the unit m/s^2?"
+        raise FormatError(path, problem, f"line {rows[row][0]}")
+    for row in np.flatnonzero(load_ratio(robot, pull, force) > LARGEST_LOAD_RATIO)[:1]:
+        problem = f"a tip force of {force[row]:g} N is far beyond what this robot carries; is the unit newton?"
+        raise FormatError(path, problem, f"line {rows[row][0]}")

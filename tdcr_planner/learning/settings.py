@@ -93,7 +93,7 @@ class LossSettings(FileModel):
         physics: Residual of the cut form, the moment left over at the tip; needs no labels.
         reference: Distance of the base moment from that of the reference solver.
         measured: Distance of the shapes from measured points; it decides how far the robot's stiffness may move from
-            the robot file's, see `learning.measured`.
+            the robot file's, see `learning.fitting`.
         inverse: Factor on the inverse Jacobian's share in the first two parts.
     """
 

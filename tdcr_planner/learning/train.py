@@ -26,6 +26,7 @@ from tdcr_planner.learning.dataset import (
 )
 from tdcr_planner.learning.export import UNITS, library_versions, write_model
 from tdcr_planner.learning.judge import Predict, calibrate_bound, measure_accuracy
+from tdcr_planner.learning.loads import check_domain
 from tdcr_planner.learning.logs import TrainingLog
 from tdcr_planner.learning.losses import physics_loss, reference_loss
 from tdcr_planner.learning.network import ShootingNetwork, learned_weights
@@ -86,9 +87,11 @@ def train_model(
         The card of the model.
 
     Raises:
+        InputError: The domain's loads are beyond what the robot carries.
         FormatError: A file cannot be written, or the checkpoint belongs to another robot or other settings.
         WorkersError: The backend's workers are gone.
     """
+    check_domain(robot, settings.domain.for_robot(robot))
     if settings.network == "paper":
         from tdcr_planner.learning.paper import train_paper_network
 

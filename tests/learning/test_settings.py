@@ -39,7 +39,8 @@ def test_values_are_read_and_paths_start_at_the_file(tmp_path):
         ("[bound]\ncases = 100\n", ["bound", "at least 4604"]),
         ('network = "deep"\n', ["network", "shooting"]),
         ('format = "tdcr-train/2"\n', ["format"]),
-        ("[paper.weights]\nposition = -1.0\n", ["paper.weights.position"]),
+        ("[paper.weights]\ntip_moment = -1.0\n", ["paper.weights.tip_moment", "greater than or equal to 0"]),
+        ("[paper]\nplateau_from_epoch = 2000\n", ["paper", "at most cycle_epochs = 1500"]),
         ("seed = [", ["TOML"]),
     ],
 )

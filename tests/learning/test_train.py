@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from tdcr_planner.errors import FormatError
+from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.learning import train as train_module
 from tdcr_planner.learning.checkpoint import checkpoint_path
 from tdcr_planner.learning.dataset import draw_cases, solve_cases
@@ -164,3 +164,19 @@ def test_robots_with_four_tendons_and_rest_curvature_train_too(small_robot, smal
     robot = RobotSpec.model_validate(content | {"segments": [segment], "backbone": backbone})
     card = train_model(robot, small_settings(), tmp_path / "model.pt")
     assert card.accuracy[0].overall["position_median_mm"] < 0.5
+
+
+@pytest.mark.parametrize(
+    ("domain", "words"),
+    [
+        ({"gravity_m_s2": 9810.0}, r"domain.gravity_m_s2: expected at most 100 m/s\^2 \(Earth: 9.81\), got 9810"),
+        (
+            {"tip_force_n": 50.0},
+            "loads that robot 'small' can carry.*tip_force_n = 50 .*is the unit of the force newton",
+        ),
+    ],
+)
+def test_loads_in_the_wrong_unit_are_refused(small_robot, small_settings, tmp_path, domain, words):
+    with pytest.raises(InputError, match=words):
+        train_model(small_robot, small_settings(domain=domain), tmp_path / "model.pt")
+    assert not list(tmp_path.iterdir())
