@@ -1,4 +1,4 @@
-"""Results for other programs: scene and path as GLB, an animation as GIF or MP4, the trajectory as JSON."""
+"""Results for other programs, by the ending of a file; the trajectory as JSON and the motion as GIF or MP4."""
 
 from __future__ import annotations
 
@@ -10,24 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from matplotlib import animation
-from matplotlib.colors import to_rgb
-from trimesh.visual.material import PBRMaterial
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.files import write_file_whole
 from tdcr_planner.report import plots, raster
+from tdcr_planner.report.glb import write_glb
 from tdcr_planner.report.picture import Picture
-from tdcr_planner.report.robot_mesh import (
-    Mesh,
-    backbone_curve,
-    disk_mesh,
-    merge_meshes,
-    tendon_lines,
-    tube_mesh,
-)
 from tdcr_planner.report.scene_image import render_scene
 from tdcr_planner.report.scene_png import write_png
 from tdcr_planner.report.state_files import trajectory_table, write_shapes
@@ -106,51 +96,6 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def write_glb(picture: Picture, file: str | Path) -> None:
-    """Writes the scene, the robot in its first and last state, and the tip's way as a binary glTF file, in metres."""
-    scene = trimesh.Scene()
-    for number, mesh in enumerate(picture.meshes):
-        colour = (0.76, 0.82, 0.86) if mesh.role == "cavity" else (0.79, 0.75, 0.70)
-        _add(scene, f"{number + 1} {mesh.name}", (mesh.vertices, mesh.faces), colour, 0.3)
-    known = np.flatnonzero(picture.known)
-    for name, state in (("start", known[:1]), ("end", known[1:][-1:])):
-        if len(state):
-            _add_robot(scene, name, picture, int(state[0]), 0.35 if name == "start" and len(known) > 1 else 1.0)
-    tips = picture.positions[known][:, -1]
-    apart = np.ones(len(tips), dtype=np.bool_)
-    apart[1:] = np.linalg.norm(np.diff(tips, axis=0), axis=1) > 1e-7
-    if apart.sum() > 1:
-        tube = tube_mesh(tips[apart], 0.25 * picture.robot.backbone.radius_m + 2e-4)
-        _add(scene, "tip trace", tube, to_rgb(plots.TRACE), 1.0)
-    for number, goal in enumerate(picture.goals):
-        ball = trimesh.creation.icosphere(subdivisions=3, radius=max(goal.tolerance, 1e-3))
-        _add(scene, f"goal {number + 1}", (ball.vertices + goal.position, ball.faces), to_rgb(plots.GOAL), 0.5)
-    Path(file).write_bytes(scene.export(file_type="glb"))
-
-
-def _add_robot(scene: trimesh.Scene, name: str, picture: Picture, state: int, opacity: float) -> None:
-    robot, positions, rotations = picture.robot, picture.positions[state], picture.rotations[state]
-    _add(scene, f"{name}: disks", disk_mesh(robot, positions, rotations), to_rgb(plots.ROBOT), opacity)
-    line = backbone_curve(positions, rotations, robot.arc_lengths)
-    tubes = [tube_mesh(line, robot.backbone.radius_m)]
-    _add(scene, f"{name}: backbone", tubes[0], to_rgb(plots.INK), opacity)
-    tendons = [tube_mesh(points, robot.body.tendon_radius_m) for points in tendon_lines(robot, positions, rotations)]
-    _add(scene, f"{name}: tendons", merge_meshes(tendons), to_rgb(plots.MUTED), opacity)
-
-
-def _add(scene: trimesh.Scene, name: str, mesh: Mesh, colour: tuple[float, ...], opacity: float) -> None:
-    material = PBRMaterial(
-        name=name,
-        baseColorFactor=[*colour, opacity],
-        metallicFactor=0.0,
-        roughnessFactor=0.6,
-        alphaMode="OPAQUE" if opacity >= 1.0 else "BLEND",
-        doubleSided=True,
-    )
-    body = trimesh.Trimesh(*mesh, process=False, visual=trimesh.visual.TextureVisuals(material=material))
-    scene.add_geometry(body, geom_name=name, node_name=name)
-
-
 def write_animation(
     picture: Picture, file: str | Path, *, frames: int = 48, seconds: float = 6.0, width: int = 960, height: int = 640
 ) -> None:
@@ -163,12 +108,24 @@ def write_animation(
         seconds: Duration.
         width: Pixels, even.
         height: Pixels, even.
+
+    Raises:
+        InputError: Fewer than one frame, no duration, a size that is not even and positive, or no shape to draw.
     """
+    for place, size in (("width", width), ("height", height)):
+        if size < 2 or size % 2:
+            raise InputError(place, "an even number of pixels, 2 or more (video is coded in pairs of them)", size)
+    if frames < 1:
+        raise InputError("frames", "1 or more", frames)
+    if not (math.isfinite(seconds) and seconds > 0.0):
+        raise InputError("seconds", "a duration of more than 0 s", seconds)
+    if not picture.known.any():
+        raise InputError("picture", "a state whose shape is known", "none: an animation has nothing to move")
     camera = choose_camera(picture, width, height)
     known = np.flatnonzero(picture.known)
     times = picture.times[known]
-    spread = np.linspace(times[0], times[-1], frames) if len(times) else np.zeros(0)
-    states = known[np.searchsorted(times, spread - 1e-12).clip(0, max(len(known) - 1, 0))]
+    spread = np.linspace(times[0], times[-1], frames)
+    states = known[np.searchsorted(times, spread - 1e-12).clip(0, len(known) - 1)]
     rate = max(1, round(frames / seconds))
     mp4 = Path(file).suffix.lower() == ".mp4"
     writer = animation.FFMpegWriter(fps=rate) if mp4 else animation.PillowWriter(fps=rate)

@@ -117,6 +117,18 @@ class Picture:
         """Index of the state of least clearance, or None when no clearance is known."""
         return int(np.nanargmin(self.clearance)) if np.isfinite(self.clearance).any() else None
 
+    def frame_states(self, most: int) -> IntArray:
+        """Returns up to `most` states with a shape, spread evenly over the time; first, last and worst among them."""
+        known = np.flatnonzero(self.known)
+        if len(known) <= most:
+            return known
+        times = self.times[known]
+        wanted = np.linspace(times[0], times[-1], most - 1)
+        chosen = np.searchsorted(times, wanted - 1e-12).clip(0, len(known) - 1)
+        worst = self.worst_state
+        extra = [worst] if worst is not None and self.known[worst] else []
+        return np.unique(np.concatenate([known[chosen], np.array(extra, dtype=np.int64)]))
+
 
 def gather_picture(result: PlanResult) -> Picture:
     """Returns what a picture of a result shows; without a path, the scene with start and goal."""

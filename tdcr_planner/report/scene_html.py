@@ -29,7 +29,7 @@ def render_html(picture: Picture) -> str:
     """Returns the page as text, plotly.js included."""
     from plotly.offline import get_plotlyjs
 
-    shown = frame_states(picture)
+    shown = picture.frame_states(MAX_FRAMES)
     figure = build_figure(picture, shown) | {
         "config": {
             "displaylogo": False,
@@ -55,19 +55,6 @@ def render_html(picture: Picture) -> str:
         states=_script_json(_readouts(picture, shown)),
         controls="" if picture.has_path and len(shown) > 1 else "hidden",
     )
-
-
-def frame_states(picture: Picture, most: int = MAX_FRAMES) -> IntArray:
-    """Returns the states that become frames: evenly spread over the time; the first, last and worst are among them."""
-    known = np.flatnonzero(picture.known)
-    if len(known) <= most:
-        return known
-    times = picture.times[known]
-    wanted = np.linspace(times[0], times[-1], most - 1)
-    chosen = np.searchsorted(times, wanted - 1e-12).clip(0, len(known) - 1)
-    worst = picture.worst_state
-    extra = [worst] if worst is not None and picture.known[worst] else []
-    return np.unique(np.concatenate([known[chosen], np.array(extra, dtype=np.int64)]))
 
 
 def _readouts(picture: Picture, shown: IntArray) -> list[dict[str, Any]]:

@@ -1,16 +1,20 @@
 import csv
 import json
+import os
+import shutil
+import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.report import export
 from tdcr_planner.report.export import export_picture, write_animation
 from tdcr_planner.report.picture import gather_picture
 from tdcr_planner.report.state_files import write_trajectory_csv
+from tdcr_planner.report.viewpoint import choose_camera
 
 
 @pytest.fixture
@@ -23,30 +27,81 @@ def picture(result):
     return gather_picture(result)
 
 
-def test_glb_holds_scene_robot_and_trace_in_metres(result, picture, tmp_path):
-    export_picture(picture, tmp_path / "path.glb", result)
-    scene = trimesh.load(tmp_path / "path.glb")
-    names = set(scene.geometry)
-    assert {"1 pipe.stl", "2 ball.stl", "start: disks", "end: disks", "end: backbone", "tip trace", "goal 1"} <= names
-    disks = scene.geometry["end: disks"]
-    # glTF stores single precision
-    centres = [part.centroid for part in disks.split(only_watertight=False)]
-    assert len(centres) == 21
-    tip = min(centres, key=lambda centre: np.linalg.norm(centre - result.path.tip_positions[-1]))
-    np.testing.assert_allclose(tip, result.path.tip_positions[-1], atol=1e-6)
-    assert scene.geometry["1 pipe.stl"].visual.material.alphaMode == "BLEND"
+def lowest_blue(frame):
+    """Lowest row with pixels that are clearly blue, which only the robot is."""
+    rgb = np.asarray(frame, dtype=float)
+    rows = np.flatnonzero(((rgb[..., 2] > rgb[..., 0] + 40) & (rgb[..., 2] > rgb[..., 1] + 15)).any(axis=1))
+    assert len(rows) > 50
+    return rows[-1]
 
 
-def test_gif_has_a_frame_a_state_and_moves(picture, tmp_path):
-    write_animation(picture, tmp_path / "path.gif", frames=4, seconds=1.0, width=320, height=240)
+def read_mp4(file, width, height):
+    """Frames of a video as ffmpeg decodes them, shape (n, height, width, 3)."""
+    command = ["ffmpeg", "-v", "error", "-i", str(file), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    raw = subprocess.run(command, capture_output=True, check=True).stdout
+    return np.frombuffer(raw, dtype=np.uint8).reshape(-1, height, width, 3)
+
+
+def read_gif(file, width, height):
+    with Image.open(file) as image:
+        assert image.size == (width, height)
+        frames = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(image)]
+    return np.stack(frames)
+
+
+def needs_ffmpeg():
+    if not shutil.which("ffmpeg"):
+        if os.environ.get("TDCR_FFMPEG_REQUIRED"):
+            pytest.fail("needs ffmpeg on the PATH")
+        pytest.skip("needs ffmpeg on the PATH")
+
+
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+def test_animation_has_its_frames_and_the_robot_follows_the_path(picture, tmp_path, ending):
+    if ending == "mp4":
+        needs_ffmpeg()
+    file = tmp_path / f"path.{ending}"
+    picture = replace(picture, meshes=())  # no glass before the robot
+    write_animation(picture, file, frames=4, seconds=1.0, width=480, height=360)
+    frames = (read_mp4 if ending == "mp4" else read_gif)(file, 480, 360)
+    assert frames.shape == (4, 360, 480, 3)
+    # states 0, 4, 8 and 11 of the 12 are shown; the base, lowest in the picture, is pushed up by the insertion
+    camera = choose_camera(picture, 480, 360)
+    seen = [lowest_blue(frame) for frame in frames]
+    base = [camera.project(picture.positions[state, 0])[1] for state in (0, 4, 8, 11)]
+    assert base[0] - base[-1] > 60.0
+    # a disk's rim is found to a pixel or two on each side
+    np.testing.assert_allclose(np.diff(seen), np.diff(base), atol=3.0)
+
+
+def test_a_second_of_film_lasts_a_second(picture, tmp_path):
+    write_animation(picture, tmp_path / "path.gif", frames=5, seconds=1.0, width=160, height=120)
     with Image.open(tmp_path / "path.gif") as image:
-        assert image.n_frames == 4
-        assert image.size == (320, 240)
-        first = np.asarray(image.convert("RGB"), dtype=float)
-        image.seek(3)
-        last = np.asarray(image.convert("RGB"), dtype=float)
-    assert first.std() > 5.0
-    assert np.abs(first - last).max(axis=2).mean() > 1.0
+        durations = [frame.info["duration"] for frame in ImageSequence.Iterator(image)]
+    assert sum(durations) == pytest.approx(1000.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"width": 321}, "width: expected an even number of pixels"),
+        ({"height": 0}, "height: expected an even number"),
+        ({"frames": 0}, "frames: expected 1 or more, got 0"),
+        ({"seconds": 0.0}, "seconds: expected a duration"),
+        ({"seconds": float("nan")}, "seconds: expected a duration"),
+    ],
+)
+def test_animation_options_that_cannot_be_are_refused(picture, tmp_path, options, message):
+    with pytest.raises(InputError, match=message):
+        write_animation(picture, tmp_path / "path.gif", **options)
+    assert not (tmp_path / "path.gif").exists()
+
+
+def test_an_animation_without_a_shape_is_refused(result, tmp_path):
+    result.verification.positions[:] = np.nan
+    with pytest.raises(InputError, match="a state whose shape is known"):
+        export_picture(gather_picture(result), tmp_path / "path.gif")
+    assert list(tmp_path.glob("path*")) == []
 
 
 def test_mp4_without_ffmpeg_is_refused(result, picture, tmp_path, monkeypatch):

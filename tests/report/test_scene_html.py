@@ -16,7 +16,7 @@ from plotly import graph_objects
 
 from tdcr_planner.report.picture import DisplayMesh, gather_picture, gather_scenario_picture
 from tdcr_planner.report.scene_figure import build_figure
-from tdcr_planner.report.scene_html import MAX_FRAMES, frame_states, render_html, write_html
+from tdcr_planner.report.scene_html import MAX_FRAMES, render_html, write_html
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = (
@@ -72,7 +72,7 @@ def test_titles_and_messages_cannot_break_the_page(picture):
 
 
 def test_figure_holds_scene_robot_both_shapes_and_curves(picture):
-    shown = frame_states(picture)
+    shown = picture.frame_states(MAX_FRAMES)
     figure = build_figure(picture, shown)
     names = {trace.get("name") for trace in figure["data"]}
     assert {"pipe.stl (cavity)", "ball.stl (obstacle)", "tip trace", "start", "goal", "disks"} <= names
@@ -84,7 +84,7 @@ def test_figure_holds_scene_robot_both_shapes_and_curves(picture):
 
 
 def test_worst_state_is_drawn_where_it_is(picture):
-    traces = build_figure(picture, frame_states(picture))["data"]
+    traces = build_figure(picture, picture.frame_states(MAX_FRAMES))["data"]
     worst = next(trace for trace in traces if trace.get("name") == "worst state, 0.80 mm")
     points = np.stack([worst[axis] for axis in "xyz"], axis=1)
     pieces = np.split(points, np.flatnonzero(np.isnan(points[:, 0])))
@@ -96,7 +96,7 @@ def test_worst_state_is_drawn_where_it_is(picture):
 
 
 def test_scene_and_robot_fit_into_their_part_of_the_page(picture):
-    layout = build_figure(picture, frame_states(picture))["layout"]["scene"]
+    layout = build_figure(picture, picture.frame_states(MAX_FRAMES))["layout"]["scene"]
     eye, centre, up = (np.array([layout["camera"][key][a] for a in "xyz"]) for key in ("eye", "center", "up"))
     towards = (eye - centre) / np.linalg.norm(eye - centre)
     right = np.cross(up, towards)
@@ -113,7 +113,7 @@ def test_scene_and_robot_fit_into_their_part_of_the_page(picture):
 
 
 def test_axes_of_the_curves_carry_their_units(picture):
-    layout = build_figure(picture, frame_states(picture))["layout"]
+    layout = build_figure(picture, picture.frame_states(MAX_FRAMES))["layout"]
     titles = [layout[axis]["title"]["text"] for axis in ("yaxis", "yaxis2", "xaxis2")]
     assert titles == ["mm", "N", "time (s)"]
 
@@ -121,12 +121,12 @@ def test_axes_of_the_curves_carry_their_units(picture):
 def test_figure_keeps_to_the_schema_of_plotly(picture, make_scenario):
     # Plotly's own class refuses whatever its schema does not know, and keeps every trace that it accepts.
     for shown in (picture, gather_scenario_picture(make_scenario("two_segment"))):
-        figure = build_figure(shown, frame_states(shown))
+        figure = build_figure(shown, shown.frame_states(MAX_FRAMES))
         assert len(graph_objects.Figure(figure).data) == len(figure["data"]) > 0
 
 
 def test_each_frame_shows_its_state(picture):
-    shown = frame_states(picture)
+    shown = picture.frame_states(MAX_FRAMES)
     figure = build_figure(picture, shown)
     for frame, state in zip(figure["frames"], shown, strict=True):
         names = (figure["data"][index].get("name") for index in frame["traces"])
@@ -155,7 +155,7 @@ def test_long_paths_are_thinned_but_keep_first_last_and_worst(make_result):
         rotations=short.rotations[pick],
         clearance=clearance,
     )
-    shown = frame_states(long)
+    shown = long.frame_states(MAX_FRAMES)
     assert len(shown) <= MAX_FRAMES
     assert {0, 777, count - 1} <= set(shown.tolist())
     assert np.diff(long.times[shown]).max() < 2 * 50.0 / (MAX_FRAMES - 2)
