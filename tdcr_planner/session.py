@@ -208,7 +208,8 @@ class PlanningSession:
     ) -> PlanResult:
         """Searches a path, verifies it with the reference and repairs it within the time limit.
 
-        Where verification finds too little clearance, the search is repeated with a margin grown by what was missing;
+        A roadmap in use is asked first; the planner searches where it has no way. Where verification finds too little
+        clearance, the search is repeated with a margin grown by what was missing;
         where the reference has no stable shape or breaks a limit, with that state's neighbourhood ruled out.
 
         Args:

@@ -1,4 +1,4 @@
-"""tdcr info: what a robot, model, scenario, suite or result file holds."""
+"""tdcr info: what a robot, model, scenario, result or roadmap file holds."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 def info(file: tyro.conf.Positional[Path]) -> int:
-    """Say what a robot, model, scenario or result file holds.
+    """Say what a robot, model, scenario, result or roadmap file holds.
 
     Example: tdcr info models/shape/inspection/model.pt
 
     Args:
-        file: A robot or scenario (.toml), a shape model (.pt) or a result (.json).
+        file: A robot or scenario (.toml), a shape model (.pt), a result (.json) or a roadmap (.npz).
     """
     from tdcr_planner.errors import FormatError
     from tdcr_planner.files import read_toml
@@ -33,6 +33,11 @@ def info(file: tyro.conf.Positional[Path]) -> int:
 
         result = read_result(file)
         print(f"result of {result.scenario.path}, seed {result.seed}\n{describe(result)}")
+    elif file.suffix == ".npz":
+        from tdcr_planner.cli.roadmap import describe as describe_roadmap
+        from tdcr_planner.planning.roadmap import Roadmap
+
+        print(describe_roadmap(Roadmap.load(file)))
     elif file.suffix == ".toml":
         from tdcr_planner.planning.scenario import load_scenario
         from tdcr_planner.robot import load_robot
@@ -45,7 +50,7 @@ def info(file: tyro.conf.Positional[Path]) -> int:
         else:
             raise FormatError(file, f"expected 'tdcr-robot/1' or 'tdcr-scenario/1', got {kind!r}", "format")
     else:
-        raise FormatError(file, f"expected a file ending in .toml, .pt or .json, got {file.suffix!r}")
+        raise FormatError(file, f"expected a file ending in .toml, .pt, .json or .npz, got {file.suffix!r}")
     return 0
 
 

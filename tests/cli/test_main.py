@@ -91,7 +91,7 @@ def test_solve_says_when_there_is_no_shape(root: Path, capsys: pytest.CaptureFix
         (["plan", "{paper}", "--out", "{tmp}/x"], "format: input should be 'tdcr-scenario/1', got 'tdcr-robot/1'"),
         (["verify", "none.json"], "none.json: no such file"),
         (["view", "none.json"], "none.json: no such file"),
-        (["info", "{readme}"], "expected a file ending in .toml, .pt or .json, got '.md'"),
+        (["info", "{readme}"], "expected a file ending in .toml, .pt, .json or .npz, got '.md'"),
         (["info", "{pyproject}"], "format: expected 'tdcr-robot/1' or 'tdcr-scenario/1', got None"),
     ],
 )

@@ -35,6 +35,8 @@ def test_a_roadmap_is_built_and_answers_a_plan(
     said = capsys.readouterr().out
     assert "roadmap:   40 configurations, " in said
     assert "holds for: constant_curvature shapes, clearance 0.5 mm and less, step 4 mm and more" in said
+    assert run(["info", str(file)]) == 0
+    assert capsys.readouterr().out.strip() in said
     again = tmp_path / "again.npz"
     assert run(["roadmap", str(scenario), "--out", str(again), "--vertices", "40", "--seconds", "120"]) == 0
     np.testing.assert_array_equal(Roadmap.load(again).rows, Roadmap.load(file).rows)
