@@ -50,7 +50,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="worker processes of the suites")
     parser.add_argument("--out", type=Path, help="folder that keeps the sweeps of the suites")
     arguments = parser.parse_args()
-    print(f"machine: {platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start")
+    print(
+        f"machine: {platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start", flush=True
+    )
     with tempfile.TemporaryDirectory() as folder:
         arguments.out = arguments.out or Path(folder)
         for name, part in parts.items():
@@ -112,11 +114,14 @@ def benchmark_suite(arguments: argparse.Namespace) -> None:
     rows = swept("benchmark", arguments, "suite")
     everything = [{**row, "difficulty": "all"} for row in rows]
     print_table([*group_rows(rows, ("model", "difficulty")), *group_rows(everything, ("model", "difficulty"))])
-    print_table(group_rows(rows, ("scenario",)))
+    print_table(group_rows(rows, ("scenario",)), brief=True)
     verified = [row for row in rows if row["status"] == "verified"]
     repaired = sum(row["repairs"] > 0 for row in verified)
     deviation = max(row["deviation_m"] for row in verified)
-    print(f"{repaired} of {len(verified)} verified paths were repaired; largest deviation {1e3 * deviation:.2g} mm")
+    print(
+        f"{repaired} of {len(verified)} verified paths were repaired; largest deviation {1e3 * deviation:.2g} mm",
+        flush=True,
+    )
 
 
 def constant_curvature(arguments: argparse.Namespace) -> None:
@@ -131,7 +136,8 @@ def constant_curvature(arguments: argparse.Namespace) -> None:
     for status, members in by_status.items():
         depths = [-1e3 * row["last_clearance_m"] for row in members if (row["last_clearance_m"] or 0.0) < 0.0]
         through = f"; through a wall by {min(depths):.1f} to {max(depths):.1f} mm" if depths else ""
-        print(f"{status}: {len(members)} ({', '.join(sorted(Path(row['scenario']).stem for row in members))}){through}")
+        names = ", ".join(sorted(shown(row["scenario"]) for row in members))
+        print(f"{status}: {len(members)} ({names}){through}")
 
 
 def all_planners(arguments: argparse.Namespace) -> None:
@@ -169,33 +175,33 @@ def swept(suite: str, arguments: argparse.Namespace, name: str, changes: dict[st
     return joined_rows(outcome)
 
 
-def print_table(groups: list[Row]) -> None:
+def print_table(groups: list[Row], *, brief: bool = False) -> None:
     """Prints groups of rows as a Markdown table; times and lengths are medians over the verified paths."""
     keys = [key for key in ("model", "difficulty", "planner", "scenario") if key in groups[0]]
-    header = [*keys, "queries", "verified", "interval", "repairs", "search s", "p90", "search and verification s"]
+    rated = ["verified"] if brief else ["queries", "verified", "interval", "repairs"]
+    measured = ["search s", "p90", "search and verification s", "tip travel mm", "least clearance mm"]
     body = []
     for group in groups:
         rate, spread = group["verified"], group["quantiles"]
-        body.append(
-            [
-                *(shown(group[key]) for key in keys),
-                str(group["jobs"]),
-                str(rate["count"]),
-                f"{100 * rate['low']:.0f} to {100 * rate['high']:.0f} %",
-                str(group["repairs"]),
-                number(spread["plan_s"]["median"], "{:.2f}"),
-                number(spread["plan_s"]["p90"], "{:.2f}"),
-                number(spread["total_s"]["median"], "{:.2f}"),
-                number(spread["tip_travel_m"]["median"], "{:.0f}", 1e3),
-                number(spread["clearance_m"]["median"], "{:.1f}", 1e3),
-            ]
-        )
-    print(format_markdown([*header, "tip travel mm", "least clearance mm"], body))
+        cells = {
+            "queries": str(group["jobs"]),
+            "verified": f"{rate['count']} of {rate['total']}" if brief else str(rate["count"]),
+            "interval": f"{100 * rate['low']:.0f} to {100 * rate['high']:.0f} %",
+            "repairs": str(group["repairs"]),
+            "search s": number(spread["plan_s"]["median"], "{:.2f}"),
+            "p90": number(spread["plan_s"]["p90"], "{:.2f}"),
+            "search and verification s": number(spread["total_s"]["median"], "{:.2f}"),
+            "tip travel mm": number(spread["tip_travel_m"]["median"], "{:.0f}", 1e3),
+            "least clearance mm": number(spread["clearance_m"]["median"], "{:.1f}", 1e3),
+        }
+        body.append([*(shown(group[key]) for key in keys), *(cells[name] for name in (*rated, *measured))])
+    print(format_markdown([*keys, *rated, *measured], body), flush=True)
 
 
 def shown(name: str) -> str:
     """Returns a key of a table for people: scenarios without the path to scenes/, models without underscores."""
-    return name.removeprefix(f"{SCENES}/").removesuffix(".toml").replace("constant_curvature", "constant curvature")
+    scenario = name.removeprefix(f"{SCENES}/").removesuffix(".toml").replace("/scenario_", "/")
+    return scenario.replace("constant_curvature", "constant curvature")
 
 
 def number(value: float | None, form: str, factor: float = 1.0) -> str:
