@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.shape.rod_kernel import EIGHT, FAST_MATH, SIXTEEN, STATE, WORK_ROWS, RodConstants, load, shoot
+from tdcr_planner.shape.rod_kernel import COMPILED, EIGHT, ONE, RodConstants, shoot, work_size
 
 Float32Array = NDArray[np.float32]
 
@@ -46,11 +47,12 @@ class ShootingFunction:
         self._corrections = weights.corrections
         matrices = [weights.features[:, :-1], *weights.matrices]
         biases = [weights.features[:, -1], *weights.biases]
-        self._matrices = tuple(np.ascontiguousarray(matrix.T, dtype=np.float32) for matrix in matrices)
-        self._biases = tuple(np.ascontiguousarray(bias, dtype=np.float32) for bias in biases)
-        widest = max(max(matrix.shape) for matrix in self._matrices)
-        self._block = max(16, _ONE_THREAD // widest**2)
-        self._load_scale = np.ascontiguousarray(weights.load_scale, dtype=np.float32)
+        # One array instead of a dozen: each array argument of a compiled function costs time in every call.
+        parts = [weights.load_scale]
+        for matrix, bias in zip(matrices, biases, strict=True):
+            parts += [matrix.T.ravel(), bias]
+        self._weights = np.concatenate(parts).astype(np.float32)
+        self._widths = np.array([matrices[0].shape[1], *map(len, biases)], dtype=np.int64)
 
     def __call__(
         self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray
@@ -66,6 +68,11 @@ class ShootingFunction:
         """
         return self.with_constants(self._constants, tensions, gravity, tip_force)
 
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What `predict` takes before the inputs, for compiled code that calls it."""
+        return *self._constants.arguments, self._weights, self._widths, self._corrections
+
     def with_constants(
         self, constants: RodConstants, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -73,15 +80,10 @@ class ShootingFunction:
         count, stops = len(tensions), len(constants.gaps) + 1
         positions, rotations = np.empty((count, stops, 3)), np.empty((count, stops, 3, 3))
         residual = np.empty(count)
-        _predict(
-            constants.gaps,
-            constants.first_tendon,
-            constants.offsets,
-            constants.base_mass,
-            self._matrices,
-            self._biases,
-            self._load_scale,
-            self._block,
+        predict(
+            *constants.arguments,
+            self._weights,
+            self._widths,
             self._corrections,
             tensions,
             gravity,
@@ -93,32 +95,34 @@ class ShootingFunction:
         return positions, rotations, residual
 
 
-@numba.njit(fastmath=FAST_MATH, cache=True, error_model="numpy", boundscheck=False)
-def _evaluate_network(matrices, biases, load_scale, tensions, gravity, tip_force, moment, inverse):  # type: ignore[no-untyped-def]
+@numba.njit(**COMPILED)
+def _evaluate_network(weights, widths, tensions, gravity, tip_force, moment, inverse):  # type: ignore[no-untyped-def]
     """Fills base moments (n, 3) and inverse Jacobians (n, 9)."""
     cases, tendons = tensions.shape
-    x = np.empty((cases, tendons + 6), dtype=np.float32)
+    y = np.empty((cases, tendons + 6), dtype=np.float32)
     for case in range(cases):
         for tendon in range(tendons):
-            x[case, tendon] = tensions[case, tendon]
+            y[case, tendon] = tensions[case, tendon]
         for axis in range(3):
-            x[case, tendons + axis] = gravity[case, axis]
-            x[case, tendons + 3 + axis] = tip_force[case, axis]
-    y = np.dot(x, matrices[0])
-    y += biases[0]
-    first = y.shape[1] - 6
+            y[case, tendons + axis] = gravity[case, axis]
+            y[case, tendons + 3 + axis] = tip_force[case, axis]
     loads = np.empty((cases, 6), dtype=np.float32)
-    for case in range(cases):
-        for axis in range(6):
-            loads[case, axis] = load_scale[axis] * y[case, first + axis]
     one = np.float32(1.0)
-    for index in range(1, len(matrices)):
-        z = np.dot(y, matrices[index])
-        bias = biases[index]
+    at, layers = 6, len(widths) - 1
+    for layer in range(layers):
+        rows, columns = widths[layer], widths[layer + 1]
+        matrix = weights[at : at + rows * columns].reshape(rows, columns)
+        bias = weights[at + rows * columns : at + (rows + 1) * columns]
+        at += (rows + 1) * columns
+        z = np.dot(y, matrix)
         for case in range(cases):
-            for j in range(z.shape[1]):
+            for j in range(columns):
                 z[case, j] += bias[j]
-        if index < len(matrices) - 1:
+        if layer == 0:
+            for case in range(cases):
+                for axis in range(6):
+                    loads[case, axis] = weights[axis] * z[case, columns - 6 + axis]
+        elif layer < layers - 1:
             flat = z.reshape(z.size)
             for i in range(flat.size):
                 flat[i] = flat[i] / np.sqrt(one + flat[i] * flat[i])
@@ -133,12 +137,13 @@ def _evaluate_network(matrices, biases, load_scale, tensions, gravity, tip_force
             inverse[case, entry] = y[case, 18 + entry] + (one if entry % 4 == 0 else np.float32(0.0))
 
 
-@numba.njit(fastmath=FAST_MATH, cache=True, error_model="numpy", boundscheck=False)
+@numba.njit(**COMPILED)
 def _correct_and_shoot(  # type: ignore[no-untyped-def]
     gaps,
     first_tendon,
     offsets,
     base_mass,
+    tendons,
     corrections,
     tensions,
     gravity,
@@ -148,41 +153,39 @@ def _correct_and_shoot(  # type: ignore[no-untyped-def]
     positions,
     rotations,
     residual,
-    start,
-    stop,
     side_by_side,
 ):
-    """Learned Newton steps and the last integration, for cases start ... stop."""
-    lanes = len(side_by_side)
-    work = np.zeros((WORK_ROWS + len(offsets)) * lanes)
-    while start < stop:
-        count = min(lanes, stop - start)
+    """Learned Newton steps and the last integration."""
+    cases, lanes = len(tensions), len(side_by_side)
+    work = np.empty(work_size(len(offsets), side_by_side))
+    left_over = np.empty((cases, 3))
+    for start in range(0, cases, lanes):
+        count = min(lanes, cases - start)
         for correction in range(corrections + 1):
-            load(work, tensions, gravity, tip_force, moment, base_mass, start, count, side_by_side)
             last = correction == corrections
-            shoot(work, gaps, first_tendon, offsets, last, positions, rotations, start, count, side_by_side)
-            for lane in range(count):
-                square = 0.0
+            shoot(
+                gaps, first_tendon, offsets, base_mass, tendons, tensions, gravity, tip_force, moment,
+                last, positions, rotations, left_over, work, start, count, side_by_side,
+            )  # fmt: skip
+            if last:
+                break
+            for case in range(start, start + count):
                 for row in range(3):
-                    left_over = work[(STATE + row) * lanes + lane]
-                    square += left_over * left_over
-                    if not last:
-                        for entry in range(3):
-                            moment[start + lane, entry] -= inverse[start + lane, 3 * entry + row] * left_over
-                residual[start + lane] = np.sqrt(square)
-        start += count
+                    for column in range(3):
+                        moment[case, row] -= inverse[case, 3 * row + column] * left_over[case, column]
+    for case in range(cases):
+        residual[case] = np.sqrt(left_over[case, 0] ** 2 + left_over[case, 1] ** 2 + left_over[case, 2] ** 2)
 
 
-@numba.njit(cache=True, error_model="numpy", boundscheck=False)
-def _predict(  # type: ignore[no-untyped-def]
+@numba.njit(**COMPILED)
+def predict(  # type: ignore[no-untyped-def]
     gaps,
     first_tendon,
     offsets,
     base_mass,
-    matrices,
-    biases,
-    load_scale,
-    block,
+    tendons,
+    weights,
+    widths,
     corrections,
     tensions,
     gravity,
@@ -191,31 +194,39 @@ def _predict(  # type: ignore[no-untyped-def]
     rotations,
     residual,
 ):
-    """Sixteen lanes are the fastest for many shapes, eight for up to eight."""
+    """Tensions and loads to disk poses; may be called from other compiled code.
+
+    Args:
+        gaps: As in `RodConstants`; `ShootingFunction.arguments` has this and all that follow up to `corrections`.
+        first_tendon: As in `RodConstants`.
+        offsets: As in `RodConstants`.
+        base_mass: As in `RodConstants`.
+        tendons: A tuple as long as there are tendons.
+        weights: Load scale (6), then matrix (in, out) and bias (out) of each layer, one after the other, float32.
+        widths: Number of inputs, then of outputs of each layer.
+        corrections: Number of learned Newton steps.
+        tensions: Shape (n, t), N, C-contiguous float64, as all that follow.
+        gravity: Shape (n, 3), m/s^2, base frame.
+        tip_force: Shape (n, 3), N, base frame.
+        positions: Output, shape (n, d, 3), m, base frame.
+        rotations: Output, shape (n, d, 3, 3), base frame.
+        residual: Output, shape (n,), N m: the moment left over at the tip.
+    """
     cases = len(tensions)
     moment, inverse = np.empty((cases, 3)), np.empty((cases, 9))
+    block = max(16, _ONE_THREAD // widths.max() ** 2)
     for start in range(0, cases, block):
-        stop = min(start + block, cases)
+        part = slice(start, min(start + block, cases))
         _evaluate_network(
-            matrices,
-            biases,
-            load_scale,
-            tensions[start:stop],
-            gravity[start:stop],
-            tip_force[start:stop],
-            moment[start:stop],
-            inverse[start:stop],
-        )
-    wide = cases // 16 * 16
-    if cases - wide > 8:
-        wide = cases
-    if wide > 0:
-        _correct_and_shoot(
-            gaps, first_tendon, offsets, base_mass, corrections, tensions, gravity, tip_force,
-            moment, inverse, positions, rotations, residual, 0, wide, SIXTEEN,
+            weights, widths, tensions[part], gravity[part], tip_force[part], moment[part], inverse[part]
         )  # fmt: skip
-    if wide < cases:
+    if cases == 1:
         _correct_and_shoot(
-            gaps, first_tendon, offsets, base_mass, corrections, tensions, gravity, tip_force,
-            moment, inverse, positions, rotations, residual, wide, cases, EIGHT,
+            gaps, first_tendon, offsets, base_mass, tendons, corrections, tensions, gravity, tip_force,
+            moment, inverse, positions, rotations, residual, ONE,
+        )  # fmt: skip
+    else:
+        _correct_and_shoot(
+            gaps, first_tendon, offsets, base_mass, tendons, corrections, tensions, gravity, tip_force,
+            moment, inverse, positions, rotations, residual, EIGHT,
         )  # fmt: skip

@@ -83,6 +83,16 @@ def test_torchscript_and_compiled_path_agree(model):
     np.testing.assert_allclose(fast.rotations, rotations.numpy(), atol=1e-4)
 
 
+@pytest.mark.parametrize("count", [2, 8, 13])
+def test_one_shape_is_that_of_a_batch(model, count):
+    cases = uniform_cases(model, count, 6)
+    together = model.disk_poses_unchecked(*cases)
+    alone = [model.disk_poses_unchecked(*(array[row : row + 1] for array in cases)) for row in range(count)]
+    # Single precision in the network; its error shrinks some fifty times in the Newton step.
+    np.testing.assert_allclose(together.positions, np.concatenate([one.positions for one in alone]), atol=1e-7)
+    np.testing.assert_allclose(together.rotations, np.concatenate([one.rotations for one in alone]), atol=1e-6)
+
+
 def test_boundary_conditions_and_rotations_hold_by_construction(model):
     tensions, gravity, tip_force = uniform_cases(model, 50, 4)
     poses = model.disk_poses(tensions, gravity=gravity, tip_force=tip_force)
