@@ -19,6 +19,7 @@ from tdcr_planner.planning.ompl_run import PlannerRun, Progress
 from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.smoothing import shorten
 from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.planning.tour import best_order
 from tdcr_planner.planning.validity import ValidityChecker, rejections
 
 __all__ = [
@@ -34,7 +35,6 @@ __all__ = [
 ]
 
 _FIRST_ROUNDS = 4  # rounds of goal sampling after which a goal that no shape has reached counts as out of reach
-_MOST_PERMUTED = 7
 
 
 class SearchStatus(StrEnum):
@@ -228,14 +228,7 @@ class _Query:
         places = [start[None], *(np.array(source.rows) for source in self.sources)]
         scale = self.checker.motion_scale
         between = np.array([[np.linalg.norm((a[:, None] - b) * scale, axis=2).min() for b in places] for a in places])
-        if count <= _MOST_PERMUTED:
-            return min(itertools.permutations(given), key=lambda order: _tour_length(between, order))
-        order: tuple[int, ...] = ()
-        here = 0
-        while len(order) < count:
-            following = min((i for i in given if i not in order), key=lambda i: between[here, i + 1])
-            order, here = (*order, following), following + 1
-        return order
+        return best_order(between)
 
     def _name(self, number: int) -> str:
         return "the goal" if len(self.scenario.goals) == 1 else f"goal {number + 1}"
@@ -258,11 +251,6 @@ class _Query:
             "rejected": rejections(rejected),
         }
         return SearchOutcome(status, message, rows, goals, order, statistics)
-
-
-def _tour_length(between: FloatArray, order: tuple[int, ...]) -> float:
-    stops = [0, *(index + 1 for index in order)]
-    return float(sum(between[a, b] for a, b in itertools.pairwise(stops)))
 
 
 def _with_exact_ends(rows: FloatArray, start: FloatArray, source: GoalSource) -> FloatArray:

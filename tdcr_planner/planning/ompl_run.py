@@ -23,10 +23,12 @@ from tdcr_planner.planning.validity import ValidityChecker
 
 Progress = Callable[[float, str], None]
 
+# AORRTC calls it an error when its first path is the straight one, which it cannot improve.
+_CHATTY = frozenset({"AORRTC"})
 _SINGLE_SHOT = frozenset({"FMT", "BFMT"})
 # Those whose search ends at the first path and whose luck rests on their first samples; see docs/planning.md.
 _RENEWED = frozenset({"RRTConnect", "RRT", "KPIECE1", "BKPIECE1"})
-_FIRST_TREE = 512  # iterations after which they start again, twice as many each time
+FIRST_TREE = 512  # iterations after which they start again, twice as many each time
 _KEPT_SHARE = 0.2  # OMPL's default of the shortest part of a motion that KPIECE1 keeps
 _PROGRESS_PERIOD_S = 0.1
 _DEFAULT_RANGE = 0.1  # longest edge of a tree, in robot lengths of body motion
@@ -63,8 +65,8 @@ class PlannerRun:
         self._reported = self._begin
         self._most = int(self.parameters.get("iterations", 0))
         self._scale = self.checker.motion_scale
-        self._tree = _FIRST_TREE
-        self._renewal = float(_FIRST_TREE) if self.name in _RENEWED else math.inf
+        self._tree = FIRST_TREE
+        self._renewal = float(FIRST_TREE) if self.name in _RENEWED else math.inf
         self._samples = 0
         self._over = False
         # KPIECE1 keeps the valid part of a motion, which the binding gives it no way to ask about; see `edge_valid`.
@@ -80,6 +82,8 @@ class PlannerRun:
             seed: Seed of the planner's random numbers, above 0.
         """
         _seed(seed)
+        if self.name in _CHATTY:
+            ou.setLogLevel(ou.LOG_NONE)
         space = self._space()
         information = ob.SpaceInformation(space)
         validator = _EdgeValidator(information, self)

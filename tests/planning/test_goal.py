@@ -104,3 +104,36 @@ def test_a_configuration_is_its_own_only_state(make_setup):
     blocked = ConfigurationGoal(setup.checker, np.array([2.5, 0.0]))
     assert "box.stl" in blocked.unreachable()
     assert blocked.take() == []
+
+
+@pytest.mark.parametrize("view", [False, True])
+def test_goals_at_the_limits_of_tension_and_travel_are_reached(make_setup, random, view):
+    for _ in range(3):
+        setup = make_setup("two_segment", base=FREE_BASE)
+        space, robot = setup.space, setup.space.robot
+        row = random.uniform(space.lower, space.upper)
+        row[-2] = random.choice([space.lower[-2], space.upper[-2]])
+        tensions = setup.checker.actuate(row[None]).tensions[0]
+        for index in range(robot.segment_count):
+            share = tensions / robot.max_tensions
+            row[2 * index : 2 * index + 2] /= share[robot.tendon_segments == index].max()
+        tips, axes = tip_of(setup, [row])
+        asked = {"tip_position_m": tips[0].tolist()}
+        if view:
+            asked["view_direction"] = axes[0].tolist()
+        setup, goal = tip_goal(make_setup, asked, "two_segment")
+        while not goal.reached and goal.rounds < 4:
+            goal.search()
+        assert goal.reached > 0
+        assert goal.unreachable() == ""
+
+
+def test_the_nearest_place_is_nearer_than_any_of_many_samples(make_setup, random):
+    target = np.array([0.25, 0.1, 0.1])
+    setup, goal = tip_goal(make_setup, {"tip_position_m": target.tolist()}, "two_segment")
+    goal.search()
+    assert "nearest that can be reached" in goal.unreachable()
+    rows = random.uniform(setup.space.lower, setup.space.upper, (50_000, setup.space.dimension))
+    rows = rows[(setup.checker.actuate(rows).tensions <= setup.space.robot.max_tensions).all(axis=1)]
+    sampled = np.linalg.norm(tip_of(setup, rows)[0] - target, axis=1).min()
+    assert 0.002 < np.linalg.norm(goal.nearest[1] - target) <= sampled

@@ -76,3 +76,36 @@ def test_an_error_in_the_objective_comes_out(make_setup):
     setup.scene.clearance = fail
     with pytest.raises(OSError, match="no clearance"):
         search(setup.scenario, setup.space, setup.checker, seed=1, time_limit_s=10.0)
+
+
+# On the straight way between these ends the tip's disk passes some 13 mm beside the box.
+BESIDE = {
+    "boxes": [[[0.1, -0.1, 0.1], [0.2, 0.1, 0.25]]],
+    "start": {"bending_n": [[1.5, -1.5]]},
+    "goal": {"bending_n": [[1.5, 1.5]]},
+}
+
+
+@pytest.mark.parametrize("name", ["RRTstar", "InformedRRTstar"])
+@pytest.mark.parametrize("weight", ["clearance", "effort"])
+def test_weights_buy_clearance_and_lower_tensions(make_setup, name, weight):
+    seen = {}
+    for label, objective in (("asked", {"length": 0.1, weight: 20.0}), ("length", {"length": 1.0})):
+        planner = {"name": name, "step_m": 0.01, "objective": objective, "parameters": {"iterations": 150}}
+        setup = make_setup(planner=planner, **BESIDE)
+        outcome = search(setup.scenario, setup.space, setup.checker, seed=2, time_limit_s=30.0)
+        fine = setup.edges.densify(outcome.rows, 0.002)
+        positions, rotations, _ = setup.checker.world_poses(fine)
+        moved = np.linalg.norm(np.diff(fine, axis=0) * setup.checker.motion_scale, axis=1)
+        gaps = setup.scene.clearance(positions, rotations)
+        tensions = setup.space.actuate(fine).tensions.sum(axis=1)
+        seen[label] = {
+            "length": moved.sum(),
+            "clearance": np.average(gaps[1:], weights=moved),
+            "effort": np.average(tensions[1:], weights=moved),
+        }
+    if weight == "clearance":
+        assert seen["asked"]["clearance"] > 1.2 * seen["length"]["clearance"]
+        assert seen["asked"]["length"] > seen["length"]["length"]
+    else:
+        assert seen["asked"]["effort"] < seen["length"]["effort"]

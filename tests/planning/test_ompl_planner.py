@@ -185,6 +185,17 @@ def test_a_tip_goal_out_of_reach_is_an_invalid_goal(make_setup):
     assert "nearest" in outcome.message
 
 
+def test_a_tip_goal_that_is_reached_only_in_collision_is_no_path(make_setup):
+    # The goal lies inside a box: shapes reach it, none of them free.
+    target = [0.1, 0.0, 0.16]
+    box = [[[0.085, -0.015, 0.145], [0.115, 0.015, 0.175]]]
+    outcome = run(make_setup(goal={"tip_position_m": target}, boxes=box), time_limit_s=1.0)
+    free = run(make_setup(goal={"tip_position_m": target}), time_limit_s=1.0)
+    assert free.status is SearchStatus.FOUND
+    assert outcome.status is SearchStatus.NO_PATH
+    assert "free of collision" in outcome.message
+
+
 def test_a_reachable_goal_behind_a_wall_is_no_path(make_setup):
     # The plate stands in the plane between start and goal, and no arc within the tension limits stays below it.
     plate = [[[-0.0005, -0.3, 0.1], [0.0005, 0.3, 0.4]]]
