@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import tyro
@@ -10,15 +11,17 @@ import tyro
 if TYPE_CHECKING:
     from tdcr_planner.planning.scenario import Goal, Scenario
     from tdcr_planner.robot import RobotSpec
+    from tdcr_planner.shape.card import ModelCard
+    from tdcr_planner.sweep.suite import Suite
 
 
 def info(file: tyro.conf.Positional[Path]) -> int:
-    """Say what a robot, model, scenario, result or roadmap file holds.
+    """Say what a robot, model, scenario, suite, result or roadmap file holds.
 
     Example: tdcr info models/shape/inspection/model.pt
 
     Args:
-        file: A robot or scenario (.toml), a shape model (.pt), a result (.json) or a roadmap (.npz).
+        file: A robot, scenario or suite (.toml), a shape model (.pt), a result (.json) or a roadmap (.npz).
     """
     from tdcr_planner.errors import FormatError
     from tdcr_planner.files import read_toml
@@ -26,7 +29,7 @@ def info(file: tyro.conf.Positional[Path]) -> int:
     if file.suffix == ".pt":
         from tdcr_planner.shape.learned import load_shape_model
 
-        print(load_shape_model(file).card.describe())
+        print(_describe_model(load_shape_model(file).card))
     elif file.suffix == ".json":
         from tdcr_planner.cli.plan import describe
         from tdcr_planner.report.results import read_result
@@ -47,8 +50,14 @@ def info(file: tyro.conf.Positional[Path]) -> int:
             print(_describe_robot(load_robot(file)))
         elif kind == "tdcr-scenario/1":
             print(_describe_scenario(load_scenario(file)))
+        elif kind == "tdcr-suite/1":
+            from tdcr_planner.sweep.suite import load_suite
+
+            print(_describe_suite(load_suite(file)))
         else:
-            raise FormatError(file, f"expected 'tdcr-robot/1' or 'tdcr-scenario/1', got {kind!r}", "format")
+            raise FormatError(
+                file, f"expected 'tdcr-robot/1', 'tdcr-scenario/1' or 'tdcr-suite/1', got {kind!r}", "format"
+            )
     else:
         raise FormatError(file, f"expected a file ending in .toml, .pt, .json or .npz, got {file.suffix!r}")
     return 0
@@ -71,10 +80,56 @@ def _describe_robot(robot: RobotSpec) -> str:
     return "\n".join(lines)
 
 
+def _describe_model(card: ModelCard) -> str:
+    """Returns a model's card with its errors as a table: a row a quantity, median, 99th percentile and largest."""
+    domain, bound = card.domain, card.error_bound
+    lines = [
+        f"shape model ({card.network}) of robot {card.robot.name!r}, mechanics {card.robot_mechanics_hash[:12]}",
+        "domain: tensions from 0 to " + ", ".join(f"{limit:g}" for limit in domain.max_tension_n) + " N",
+        f"  gravity to {domain.gravity_m_s2:g} m/s^2 and tip force to {domain.tip_force_n:g} N, in any direction",
+    ]
+    for accuracy in card.accuracy:
+        title = f"errors on {accuracy.cases:,} unseen cases, {accuracy.sample}"
+        lines.append(f"{title:<40}{'median':>12}{'99 %':>12}{'largest':>12}")
+        for quantity, unit in (("position", "mm"), ("rotation", "deg"), ("residual", "nm")):
+            values = [accuracy.overall.get(f"{quantity}_{which}_{unit}") for which in ("median", "p99", "max")]
+            cells = "".join(f"{'-' if value is None else format(value, '.3g'):>12}" for value in values)
+            lines.append(f"  {quantity + ' (' + ('N m' if unit == 'nm' else unit) + ')':<38}{cells}")
+    lines += [
+        f"error bound, exceeded by at most {bound.alpha:g} of cases:",
+        f"  {1e3 * bound.disk_m[-1]:.3g} mm at the tip, {1e3 * max(bound.disk_m):.3g} mm at most",
+    ]
+    measured = card.calibration
+    if measured is not None:
+        lines += [
+            f"calibrated on {measured.shapes} measured shapes of {measured.measured_file}:",
+            f"  stiffness times {measured.stiffness_scale:.4g}, "
+            f"rms {measured.rms_before_mm:.3g} mm to {measured.rms_after_mm:.3g} mm",
+        ]
+    made = [f"{name} {version}" for name, version in card.libraries.items()]
+    return "\n".join([*lines, *wrap("made with " + ", ".join(made), 79, subsequent_indent="  ")])
+
+
+def _describe_suite(suite: Suite) -> str:
+    """Returns what a sweep of a suite runs: scenarios by difficulty, planners, models, seeds, and how many jobs."""
+    file = suite.file
+    lines = [f"suite {file.title or suite.path.name!r}: {len(suite.jobs)} jobs"]
+    for difficulty in dict.fromkeys(entry.difficulty for entry in file.scenarios):
+        names = [entry.file for entry in file.scenarios if entry.difficulty == difficulty]
+        lines += wrap(f"{difficulty}: " + ", ".join(names), 79, subsequent_indent="  ", break_on_hyphens=False)
+    lines.append("planners: " + ", ".join(file.planners) + "; models: " + ", ".join(file.models))
+    seeds = ", ".join(str(seed) for seed in file.seeds)
+    limit = "each scenario's own time limit" if file.time_limit_s is None else f"{file.time_limit_s:g} s a job"
+    return "\n".join([*lines, *wrap(f"seeds: {seeds}; {limit}", 79, subsequent_indent="  ")])
+
+
 def _describe_scenario(scenario: Scenario) -> str:
     file, planner = scenario.file, scenario.planner
     lines = [f"scenario {file.title or scenario.path.name!r} for robot {scenario.robot.name!r}"]
+    if file.shape_model is not None:
+        lines.append(f"shape model {file.shape_model}")
     lines += [f"mesh {mesh.file} in {mesh.unit} as {mesh.role}" for mesh in file.meshes]
+    lines.append("gravity ({:g}, {:g}, {:g}) m/s^2, ".format(*scenario.gravity) + _describe_force(scenario))
     if file.base.insertion_m is not None:
         lines.append("insertion {:g} to {:g} mm".format(*(1e3 * value for value in file.base.insertion_m)))
     if file.base.roll_deg is not None:
@@ -85,6 +140,11 @@ def _describe_scenario(scenario: Scenario) -> str:
         f"step {1e3 * planner.step_m:g} mm, clearance {1e3 * planner.clearance_m:g} mm"
     )
     return "\n".join(lines)
+
+
+def _describe_force(scenario: Scenario) -> str:
+    force = scenario.tip_force
+    return "tip force ({:g}, {:g}, {:g}) N".format(*force) if force.any() else "no tip force"
 
 
 def _describe_goal(goal: Goal) -> str:

@@ -22,7 +22,11 @@ def solve(
 ) -> int:
     """Solve one shape with the Cosserat reference and print or write its disk poses.
 
-    Example: tdcr solve models/robots/inspection.toml --bending-n 1.5,0 --gravity 0,0,-9.81
+    Example: tdcr solve models/robots/inspection.toml --bending-n 1.5,0
+    --gravity=0,0,-9.81
+
+    A value that begins with a minus needs the equals sign: --gravity=-9.81,0,0.
+    Exit code 1 when the reference finds no shape.
 
     Args:
         robot: Robot file.
@@ -47,7 +51,7 @@ def solve(
         raise InputError(
             "--bending-n",
             f"a bending vector whose tensions stay at or below {spec.max_tensions[tendon]:g} N",
-            f"{bending_n!r}, which asks tendon {tendon} for {tensions[0, tendon]:.4g} N",
+            f"{bending_n!r}, which asks tendon {tendon + 1} for {tensions[0, tendon]:.4g} N",
         )
     solution = solve_statics(
         spec,

@@ -30,9 +30,11 @@ def view(
     Args:
         file: The result.json of `tdcr plan` (or its folder), or a scenario (.toml).
         out: Where to write the page; path.html beside the result or, for a scenario NAME.toml, NAME.html here.
-        export: Files to write besides: .png, .gif, .mp4, .glb, and of a result .json (trajectory) or .npz (all shapes).
+        export: Files to write besides, by ending: .png, .gif, .mp4, .glb (the robot moves), and of a result .json
+            (ROS-style joint trajectory), .csv (trajectory) or .npz (all shapes).
         open_browser: Open the page when it is written.
-        live: Serve a viewer in which sliders move the robot, until Ctrl-C, and write nothing.
+        live: Serve a viewer until Ctrl-C and write nothing: sliders set each tendon, insertion and roll, and what
+            the robot touches is shown in place.
         port: Port of the live viewer.
     """
     from tdcr_planner.errors import FormatError

@@ -18,9 +18,9 @@ from tdcr_planner.files import write_file_whole
 from tdcr_planner.report import plots, raster
 from tdcr_planner.report.glb import write_glb
 from tdcr_planner.report.picture import Picture
-from tdcr_planner.report.scene_image import render_scene
+from tdcr_planner.report.scene_image import SceneRenderer
 from tdcr_planner.report.scene_png import write_png
-from tdcr_planner.report.state_files import trajectory_table, write_shapes
+from tdcr_planner.report.state_files import trajectory_table, write_shapes, write_trajectory_csv
 from tdcr_planner.report.viewpoint import choose_camera
 from tdcr_planner.session import PlanResult
 
@@ -32,8 +32,8 @@ def export_picture(picture: Picture, file: str | Path, result: PlanResult | None
 
     Args:
         picture: What is shown.
-        file: .png, .glb (scene and path), .gif or .mp4 (animation), .json (trajectory) or .npz (all shapes).
-        result: The answer to a query, which .json and .npz need.
+        file: .png, .glb (scene and path), .gif or .mp4 (animation), .json or .csv (trajectory) or .npz (all shapes).
+        result: The answer to a query, which .json, .csv and .npz need.
 
     Raises:
         InputError: Another ending, or one that needs a result where there is none.
@@ -49,6 +49,7 @@ def export_picture(picture: Picture, file: str | Path, result: PlanResult | None
     }
     if result is not None:
         writers[".json"] = lambda path: write_trajectory_json(result, path)
+        writers[".csv"] = lambda path: write_trajectory_csv(result, path)
         writers[".npz"] = lambda path: write_shapes(result, path)
     if ending not in writers:
         what = "" if result is not None else " (a scenario has no trajectory)"
@@ -62,7 +63,8 @@ def export_picture(picture: Picture, file: str | Path, result: PlanResult | None
 def write_trajectory_json(result: PlanResult, file: str | Path) -> None:
     """Writes the trajectory as joint trajectories have it in ROS: names once, then a point a state.
 
-    The joints are the tendons (displacement in m, tension in N as effort), the insertion (m) and the roll (rad).
+    The joints are the tendons (displacement in m, tension in N as effort), the insertion (m) and the roll (rad), for
+    which no effort is known: 0, as a controller takes it that adds efforts to its own.
     """
     path, robot = result.path, result.scenario.robot
     names = [f"tendon_{index + 1}" for index in range(robot.tendon_count)] + ["insertion", "roll"]
@@ -75,7 +77,7 @@ def write_trajectory_json(result: PlanResult, file: str | Path) -> None:
                 {
                     "time_from_start": {"sec": seconds, "nanosec": nanoseconds},
                     "positions": [_finite(value) for value in positions[index].tolist()],
-                    "effort": [*path.tensions[index].tolist(), None, None],
+                    "effort": [*path.tensions[index].tolist(), 0.0, 0.0],
                 }
             )
     columns, rows = trajectory_table(result)
@@ -121,7 +123,7 @@ def write_animation(
         raise InputError("seconds", "a duration of more than 0 s", seconds)
     if not picture.known.any():
         raise InputError("picture", "a state whose shape is known", "none: an animation has nothing to move")
-    camera = choose_camera(picture, width, height)
+    renderer = SceneRenderer(picture, choose_camera(picture, width, height))
     known = np.flatnonzero(picture.known)
     times = picture.times[known]
     spread = np.linspace(times[0], times[-1], frames)
@@ -134,7 +136,7 @@ def write_animation(
         note = figure.text(0.02, 0.95, "", fontsize=13.0, fontweight="bold")
         with writer.saving(figure, str(file), figure.dpi):
             for state in states:
-                image = render_scene(picture, camera, np.array([state]), np.ones(1))
+                image = renderer.render(np.array([state]), np.ones(1))
                 shown = figure.figimage(raster.to_bytes(image))
                 note.set_text(
                     f"{picture.title}   {picture.times[state]:.1f} s{_clearance_note(picture.clearance[state])}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from matplotlib.colors import to_rgb
 from scipy.ndimage import gaussian_filter
@@ -29,28 +31,40 @@ _GLASS = {"cavity": (0.04, 0.55), "obstacle": (0.40, 0.45)}
 
 
 def render_scene(picture: Picture, camera: Camera, states: IntArray, fades: FloatArray) -> Image:
-    """Returns the scene and some states of the robot as an image of the camera's size, shape (h, w, 3) in 0 to 1.
+    """Returns the scene and some states of the robot as an image; see `SceneRenderer.render`."""
+    return SceneRenderer(picture, camera).render(states, fades)
 
-    Args:
-        picture: What is shown.
-        camera: Where to look from.
-        states: Indices of the states, painted in this order, shape (n,).
-        fades: How present each state is, 0 to 1, shape (n,).
-    """
-    canvas = _Canvas(camera, _SUPERSAMPLING)
-    robots = [
-        _robot_mesh(picture, int(state), canvas.camera, float(fade)) for state, fade in zip(states, fades, strict=True)
-    ]
-    canvas.paint_walls(picture)
-    if robots:
-        canvas.paint_shadow(robots[-1][0])
-    for (mesh, colours), fade in zip(robots, fades, strict=True):
-        canvas.paint_body(mesh, colours, float(fade), picture.robot.disk_radii.max())
-    trace = _trace_mesh(picture, canvas.camera)
-    if trace is not None:
-        colour = np.array(to_rgb(plots.TRACE), dtype=np.float32)
-        canvas.paint_body(trace, np.tile(colour, (len(trace[1]), 1)), 0.9, np.inf)
-    return _fade_border(raster.shrink(canvas.image, _SUPERSAMPLING))
+
+class SceneRenderer:
+    """One view of a scene, whose walls are painted once for all the images of the robot in it."""
+
+    def __init__(self, picture: Picture, camera: Camera) -> None:
+        """Paints the walls as they are seen from a camera."""
+        self._picture = picture
+        self._walls = _Canvas(camera, _SUPERSAMPLING)
+        self._walls.paint_walls(picture)
+        self._trace = _trace_mesh(picture, self._walls.camera)
+
+    def render(self, states: IntArray, fades: FloatArray) -> Image:
+        """Returns the scene and some states of the robot as an image of the camera's size, shape (h, w, 3) in 0 to 1.
+
+        Args:
+            states: Indices of the states, painted in this order, shape (n,).
+            fades: How present each state is, 0 to 1, shape (n,).
+        """
+        canvas, picture = self._walls.with_own_image(), self._picture
+        robots = [
+            _robot_mesh(picture, int(state), canvas.camera, float(fade))
+            for state, fade in zip(states, fades, strict=True)
+        ]
+        if robots:
+            canvas.paint_shadow(robots[-1][0])
+        for (mesh, colours), fade in zip(robots, fades, strict=True):
+            canvas.paint_body(mesh, colours, float(fade), picture.robot.disk_radii.max())
+        if self._trace is not None:
+            colour = np.array(to_rgb(plots.TRACE), dtype=np.float32)
+            canvas.paint_body(self._trace, np.tile(colour, (len(self._trace[1]), 1)), 0.9, np.inf)
+        return _fade_border(raster.shrink(canvas.image, _SUPERSAMPLING))
 
 
 def spread_states(picture: Picture, most: int = SHOWN_STATES) -> tuple[IntArray, FloatArray]:
@@ -87,6 +101,12 @@ class _Canvas:
         self.image = np.ones((*shape, 3), dtype=np.float32)
         self._glass = np.zeros(shape, dtype=np.float32)
         self._glass_nearness = np.full(shape, -np.inf, dtype=np.float32)
+
+    def with_own_image(self) -> _Canvas:
+        """Returns the same canvas to paint on without changing this one."""
+        other = copy(self)
+        other.image = self.image.copy()
+        return other
 
     def paint_walls(self, picture: Picture) -> None:
         """Paints the far walls and, over them, the near ones as glass."""

@@ -82,7 +82,7 @@ def test_solve_says_when_there_is_no_shape(root: Path, capsys: pytest.CaptureFix
         ),
         (["solve", "{paper}", "--bending-n", "1,nan"], "--bending-n: expected 2 numbers"),
         (["solve", "{paper}", "--bending-n", "1,0", "--gravity", "0,0"], "--gravity: expected 3 numbers"),
-        (["solve", "{paper}", "--bending-n", "9,0"], "asks tendon 1 for"),
+        (["solve", "{paper}", "--bending-n", "9,0"], "asks tendon 2 for"),
         (
             ["solve", "{paper}", "--bending-n", "1,0", "--out", "a.csv"],
             "--out: expected a file ending in .json or .npz",
@@ -92,7 +92,7 @@ def test_solve_says_when_there_is_no_shape(root: Path, capsys: pytest.CaptureFix
         (["verify", "none.json"], "none.json: no such file"),
         (["view", "none.json"], "none.json: no such file"),
         (["info", "{readme}"], "expected a file ending in .toml, .pt, .json or .npz, got '.md'"),
-        (["info", "{pyproject}"], "format: expected 'tdcr-robot/1' or 'tdcr-scenario/1', got None"),
+        (["info", "{pyproject}"], "format: expected 'tdcr-robot/1', 'tdcr-scenario/1' or 'tdcr-suite/1', got None"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
@@ -127,3 +127,31 @@ def test_info_describes_a_robot(root: Path, capsys: pytest.CaptureFixture[str]) 
     text = capsys.readouterr().out
     assert "segment 2: 100 mm, 10 disks of 12 mm and 0.2 g" in text
     assert "1 g payload" in text
+
+
+def test_info_shows_a_model_as_a_table_for_a_terminal(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", str(root / "models/shape/inspection/model.pt")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert [line.split()[:2] for line in lines if "(" in line and line.startswith("  ")] == [
+        ["position", "(mm)"],
+        ["rotation", "(deg)"],
+        ["residual", "(N"],
+    ] * 2
+    median, percentile, largest = (float(cell) for cell in lines[4].split()[2:])
+    assert 0.0 < median < percentile < largest
+
+
+def test_info_counts_the_jobs_of_a_suite(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", str(root / "scenes/benchmark.toml")]) == 0
+    text = capsys.readouterr().out
+    assert "270 jobs" in text  # 27 scenarios, 10 seeds, one planner, one model
+    assert text.count("scenario_") == 27
+    assert max(map(len, text.splitlines())) <= 80
+
+
+def test_info_describes_a_scenario(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", str(root / "scenes/airway/scenario_tour.toml")]) == 0
+    text = capsys.readouterr().out
+    assert "gravity (0, 0, -9.81) m/s^2, no tip force" in text
+    assert "goal 2: tip at (155, 26, 2) mm" in text

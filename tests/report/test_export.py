@@ -121,6 +121,12 @@ def test_trajectory_json_is_a_joint_trajectory_and_repeats_the_csv(result, pictu
     np.testing.assert_array_equal(last["positions"][:6], result.path.tendon_displacements[-1])
     assert last["positions"][6:] == [result.path.insertion[-1], result.path.roll[-1]]
     np.testing.assert_array_equal(last["effort"][:6], result.path.tensions[-1])
+    # trajectory_msgs/JointTrajectoryPoint: float64 arrays of one length; nothing there may be null
+    for point in content["points"]:
+        for key in ("positions", "effort"):
+            assert len(point[key]) == len(content["joint_names"])
+            assert all(isinstance(value, float) for value in point[key])
+        assert all(isinstance(value, int) for value in point["time_from_start"].values())
     stamps = [
         point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in content["points"]
     ]
@@ -130,6 +136,23 @@ def test_trajectory_json_is_a_joint_trajectory_and_repeats_the_csv(result, pictu
         header, *rows = list(csv.reader(stream))
     assert content["columns"] == header
     np.testing.assert_array_equal(np.array(content["rows"]), np.array(rows, dtype=float))
+
+
+def test_csv_reads_back_to_the_last_digit(result, picture, tmp_path):
+    export_picture(picture, tmp_path / "path.csv", result)
+    table = np.genfromtxt(tmp_path / "path.csv", delimiter=",", names=True)
+    path = result.path
+    np.testing.assert_array_equal(table["time_s"], path.times)
+    np.testing.assert_array_equal(table["insertion_m"], path.insertion)
+    for tendon in range(6):
+        np.testing.assert_array_equal(table[f"tension_{tendon + 1}_n"], path.tensions[:, tendon])
+        np.testing.assert_array_equal(
+            table[f"tendon_displacement_{tendon + 1}_m"], path.tendon_displacements[:, tendon]
+        )
+    tips = np.stack([table[f"tip_{axis}_m"] for axis in "xyz"], axis=1)
+    np.testing.assert_array_equal(tips, path.tip_positions)
+    bending = np.stack([table[f"bending_{segment}_{axis}_n"] for segment in (1, 2) for axis in "xy"], axis=1)
+    np.testing.assert_array_equal(bending.reshape(-1, 2, 2), path.bending)
 
 
 def test_npz_holds_all_shapes(result, picture, tmp_path):
