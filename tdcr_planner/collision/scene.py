@@ -190,7 +190,7 @@ class CollisionScene:
         rows = len(points)
         codes = np.empty(rows, dtype=np.int8)
         near, open_rows = np.empty(rows, dtype=np.bool_), np.empty(rows, dtype=np.bool_)
-        near_rows = screen(arrays, self._self_pairs, points, frames, UNDEFINED_CODE, codes, near)
+        near_rows = screen(self._self_pairs, points, frames, UNDEFINED_CODE, codes, near)
         for index, mesh in enumerate(self.meshes):
             if stop and codes.any():
                 return codes
@@ -324,7 +324,7 @@ class CollisionScene:
         """
         points, frames = self._check_poses(positions, rotations)
         codes, near = np.empty(len(points), dtype=np.int8), np.empty(len(points), dtype=np.bool_)
-        screen(self.body.arrays, self._self_pairs, points, frames, UNDEFINED_CODE, codes, near)
+        screen(self._self_pairs, points, frames, UNDEFINED_CODE, codes, near)
         touching = np.zeros(len(points), dtype=np.bool_)
         for row in np.flatnonzero(near & (codes == 0)).tolist():
             self._objects.start(*place_solids(self.body.arrays, points[row], frames[row]))
@@ -333,10 +333,10 @@ class CollisionScene:
 
     def _self_contact(self, positions: FloatArray) -> tuple[int, int] | None:
         """Returns two parts that touch, or None; the state's solids must be placed."""
-        found = int(near_pairs(self._self_pairs, self.body.arrays, positions, self._near))
+        found = int(near_pairs(self._self_pairs, positions, self._near))
         if found > len(self._near):
             self._near = np.zeros((found, 2), dtype=np.int64)
-            near_pairs(self._self_pairs, self.body.arrays, positions, self._near)
+            near_pairs(self._self_pairs, positions, self._near)
         first = self.body.arrays.part_first
         disks = len(positions)
         for k, j in self._near[:found].tolist():

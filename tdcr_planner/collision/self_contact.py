@@ -24,6 +24,7 @@ class SelfPairs(NamedTuple):
         spacing: Largest distance between neighbouring disks, m.
         radius: Radius of a ball about each part of the unloaded robot, shape (q,), m.
         allowed: Shape (q, q); true for pairs of parts that are asked about.
+        shaft_start: The point that the shaft comes from, shape (3,), m, world frame.
     """
 
     reach: FloatArray
@@ -33,6 +34,7 @@ class SelfPairs(NamedTuple):
     spacing: float
     radius: FloatArray
     allowed: BoolArray
+    shaft_start: FloatArray
 
 
 def make_self_pairs(body: RobotBody) -> SelfPairs:
@@ -78,11 +80,11 @@ def make_self_pairs(body: RobotBody) -> SelfPairs:
         if is_shaft.any():
             reach[0] = arrays.radius[-1]
             shaft[k] = int(allowed[own, -1].any())
-    return SelfPairs(reach, reach_below, apart, shaft, float(spacing.max()), radius, allowed)
+    return SelfPairs(reach, reach_below, apart, shaft, float(spacing.max()), radius, allowed, arrays.shaft_start)
 
 
 @njit(cache=True, nogil=True)
-def near_pairs(pairs, body, positions, found):  # type: ignore[no-untyped-def]
+def near_pairs(pairs, positions, found):  # type: ignore[no-untyped-def]
     """Writes pairs (k, j) of disks whose neighbourhoods could touch; j = 0 stands for the shaft. Returns their number.
 
     From disk j on, the distance to disk k shrinks by no more than one spacing a disk, so disks are skipped that cannot
@@ -90,7 +92,6 @@ def near_pairs(pairs, body, positions, found):  # type: ignore[no-untyped-def]
 
     Args:
         pairs: `SelfPairs`.
-        body: `BodyArrays`.
         positions: Disk centres, shape (d, 3), m.
         found: Where to write, shape (any, 2); pairs beyond its length are counted only.
     """
@@ -111,7 +112,7 @@ def near_pairs(pairs, body, positions, found):  # type: ignore[no-untyped-def]
                 total += 1
             j -= max(1, int((gap - pairs.reach_below[j]) / spacing))
         near = pairs.reach[k] + pairs.reach[0] + stretch
-        if pairs.shaft[k] and _shaft_distance(body.shaft_start, positions, k) <= near:
+        if pairs.shaft[k] and _shaft_distance(pairs.shaft_start, positions, k) <= near:
             if total < len(found):
                 found[total, 0], found[total, 1] = k, 0
             total += 1

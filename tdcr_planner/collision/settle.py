@@ -297,11 +297,10 @@ def settle_batch(field, wall, verdict, body, positions, rotations, codes, undeci
 
 
 @njit(cache=True, nogil=True)
-def screen(body, pairs, positions, rotations, undefined, codes, near):  # type: ignore[no-untyped-def]
+def screen(pairs, positions, rotations, undefined, codes, near):  # type: ignore[no-untyped-def]
     """Starts the codes of a batch: `undefined` where a pose is not finite, else 0; marks rows near self-contact.
 
     Args:
-        body: `BodyArrays`.
         pairs: `SelfPairs`.
         positions: Shape (n, d, 3), m.
         rotations: Shape (n, d, 3, 3).
@@ -324,6 +323,6 @@ def screen(body, pairs, positions, rotations, undefined, codes, near):  # type: 
                 for b in range(3):
                     value += rotations[row, k, a, b]
         codes[row] = 0 if math.isfinite(value) else undefined
-        near[row] = codes[row] == 0 and near_pairs(pairs, body, positions[row], none) > 0
+        near[row] = codes[row] == 0 and near_pairs(pairs, positions[row], none) > 0
         total += near[row]
     return total
