@@ -34,6 +34,9 @@ __all__ = [
     "search",
 ]
 
+# Part of a leg's time that planners which improve their path until the end leave to shortening, and its most.
+_SHORTENING_SHARE = 0.1
+_SHORTENING_RESERVE_S = 0.3
 _FIRST_ROUNDS = 4  # rounds of goal sampling after which a goal that no shape has reached counts as out of reach
 
 
@@ -184,12 +187,13 @@ class _Query:
         now = time.monotonic()
         if now >= self.deadline:
             return None
+        share = (self.deadline - now) / (len(self.sources) - leg)
         run = PlannerRun(
             checker=self.checker,
             edges=self.edges,
             name=self.scenario.planner.name,
             parameters=dict(self.scenario.planner.parameters),
-            deadline=now + (self.deadline - now) / (len(self.sources) - leg),
+            deadline=now + share - min(_SHORTENING_SHARE * share, _SHORTENING_RESERVE_S),
             cost=cost,
             progress=self.progress,
         )
