@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import html
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -63,7 +65,9 @@ class LiveViewer:
         self._server = server
         self._lock = threading.RLock()
         self._shown: set[str] = set()
-        self._moving = False
+        self._asked = 0
+        # the thread that sets sliders itself: viser calls back in that thread, and there is nothing to answer
+        self._setter: int | None = None
         self._size = float(scene.robot.disk_radii.max())
         server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self._draw_scene()
@@ -97,8 +101,7 @@ class LiveViewer:
             model: The shape model to draw with; None to leave it.
         """
         with self._lock:
-            self._moving = True
-            try:
+            with self._setting():
                 if model is not None:
                     self._model.value = model
                 for slider, value in zip(self._tendons, controls.tensions, strict=True):
@@ -107,8 +110,6 @@ class LiveViewer:
                     self._insertion.value = 1e3 * controls.insertion
                 if self._roll is not None:
                     self._roll.value = float(np.rad2deg(controls.roll))
-            finally:
-                self._moving = False
             return self.update()
 
     def update(self) -> Look:
@@ -166,25 +167,41 @@ class LiveViewer:
         for control in self._bending:
             control.on_update(lambda _: self._answer_bending())
 
+    @contextmanager
+    def _setting(self) -> Iterator[None]:
+        """Marks this thread as one that sets sliders itself; the lock must be held."""
+        before, self._setter = self._setter, threading.get_ident()
+        try:
+            yield
+        finally:
+            self._setter = before
+
     def _answer(self) -> None:
-        """Draws what a person has set; sliders that the viewer itself moves are not answered."""
-        if not self._moving:
-            self.update()
+        """Draws what a person has set, unless a later change is waiting already, which then answers for this one."""
+        if self._setter == threading.get_ident():
+            return
+        self._asked += 1
+        mine = self._asked
+        with self._lock:
+            if mine == self._asked:
+                self.update()
 
     def _answer_bending(self) -> None:
-        if not self._moving:
-            with self._lock:
-                bending = np.array([slider.value for slider in self._bending]).reshape(-1, 2)
+        if self._setter == threading.get_ident():
+            return
+        # read before waiting: a drawing in progress moves these sliders to the tensions that it shows
+        bending = np.array([slider.value for slider in self._bending]).reshape(-1, 2)
+        self._asked += 1
+        mine = self._asked
+        with self._lock:
+            if mine == self._asked:
                 self.move(self._scene.with_bending(self.controls, bending))
 
     def _show_bending(self, controls: Controls) -> None:
         """Moves the bending sliders to what the tensions stand for."""
-        self._moving = True
-        try:
+        with self._setting():
             for slider, value in zip(self._bending, self._scene.bending(controls).ravel(), strict=True):
                 slider.value = float(np.clip(value, slider.min, slider.max))
-        finally:
-            self._moving = False
 
     def _draw_scene(self) -> None:
         picture = gather_scenario_picture(self._scene.session.scenario)

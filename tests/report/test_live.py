@@ -1,3 +1,5 @@
+import threading
+import time
 import urllib.request
 
 import numpy as np
@@ -92,6 +94,22 @@ def test_other_models_are_drawn_as_ghosts_with_their_distance(viewer):
     assert "tip of the constant curvature shape less than 0.01 mm away" in viewer.note
     viewer.move(viewer.controls, "constant_curvature")
     assert drawn(viewer, "/ghost/constant_curvature") is None
+
+
+def test_changes_that_pile_up_are_answered_by_the_last(viewer, monkeypatch):
+    looks = []
+    look = viewer._scene.look
+    monkeypatch.setattr(viewer._scene, "look", lambda *a: looks.append(a[0].insertion) or look(*a))
+    threads = []
+    with viewer._lock:  # while one is being drawn, five more come, each in a thread of its own as viser's do
+        for value in (-140.0, -130.0, -120.0, -110.0, -100.0):
+            threads.append(threading.Thread(target=setattr, args=(viewer._insertion, "value", value)))
+            threads[-1].start()
+            while viewer._insertion.value != value or viewer._asked < len(threads):
+                time.sleep(0.001)
+    for thread in threads:
+        thread.join()
+    assert looks == [pytest.approx(-0.1)]
 
 
 def test_back_to_the_start(viewer, session):
