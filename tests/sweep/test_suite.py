@@ -79,8 +79,8 @@ def test_hash_follows_the_robots_body(write_suite, tmp_path, root):
     assert load_suite(path).sha256 != original
 
 
-def test_the_planners_suite_names_all_on_offer(root):
+def test_the_planners_suite_names_all_on_offer_that_end(root):
     suite = load_suite(root / "scenes/planners.toml")
-    assert set(suite.file.planners) == set(PLANNERS)
+    assert set(suite.file.planners) == set(PLANNERS) - {"AORRTC"}
     levels = {entry.file: entry.difficulty for entry in load_suite(root / "scenes/benchmark.toml").file.scenarios}
     assert {entry.file: entry.difficulty for entry in suite.file.scenarios}.items() <= levels.items()
