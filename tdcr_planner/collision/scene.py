@@ -139,6 +139,7 @@ class CollisionScene:
         )
         self._codes = tuple(np.int8(_mesh_verdict(mesh)) for mesh in self.meshes)
         _hint_at_units(self.meshes, body)
+        self._grown: dict[bytes, CollisionScene] = {}
         self._set_body(body)
 
     def _set_body(self, body: RobotBody) -> None:
@@ -149,11 +150,18 @@ class CollisionScene:
         self._bare = body.with_margins(np.zeros(body.robot.disk_count)).arrays
 
     def with_margins(self, margins: ArrayLike) -> CollisionScene:
-        """Returns the scene with the body grown by other margins, shape (d,), m; what was built is shared."""
-        scene = object.__new__(CollisionScene)
-        scene.__dict__.update(self.__dict__)
-        scene._set_body(self.body.with_margins(margins))
-        return scene
+        """Returns the scene with the body grown by other margins, shape (d,), m; what was built is shared.
+
+        The same margins give the same scene again: FCL's objects take milliseconds to make and leak a little.
+        """
+        body = self.body.with_margins(margins)
+        key = body.margins.tobytes()
+        if key not in self._grown:
+            scene = object.__new__(CollisionScene)
+            scene.__dict__.update(self.__dict__)
+            scene._set_body(body)
+            self._grown[key] = scene
+        return self._grown[key]
 
     def check(self, positions: ArrayLike, rotations: ArrayLike) -> Codes:
         """Returns the verdict on each state.
