@@ -154,12 +154,11 @@ class CollisionScene:
 
         The same margins give the same scene again: FCL's objects take milliseconds to make and leak a little.
         """
-        body = self.body.with_margins(margins)
-        key = body.margins.tobytes()
+        key = np.asarray(margins, dtype=np.float64).tobytes()
         if key not in self._grown:
             scene = object.__new__(CollisionScene)
             scene.__dict__.update(self.__dict__)
-            scene._set_body(body)
+            scene._set_body(self.body.with_margins(margins))
             self._grown[key] = scene
         return self._grown[key]
 

@@ -142,7 +142,7 @@ def test_a_mesh_in_the_wrong_unit_is_hinted_at(paper, shapes, caplog):
         assert ("part.stl: its size is" in caplog.text) == hint
 
 
-def test_the_same_margins_give_the_same_scene(paper: RobotSpec) -> None:
+def test_the_same_margins_give_the_same_scene(paper):
     scene = CollisionScene([], RobotBody(paper))
     grown = scene.with_margins(np.full(paper.disk_count, 0.001))
     assert grown.with_margins(np.full(paper.disk_count, 0.002)) is scene.with_margins(np.full(paper.disk_count, 0.002))
