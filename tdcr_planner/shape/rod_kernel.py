@@ -29,6 +29,7 @@ _POSITION, _ROTATION = 15, 18  # pose of the cut, base frame
 _TENDONS = 27  # tension and offsets x, y of each tendon
 
 SETTLING = 3  # sweeps that settle the tendon sums: each shrinks their error by about (u_z r)^2, 1e-3 or less
+_STRAIGHT = 8  # tendons that the compiler turns into straight code from one loop; with twelve it keeps the loop
 _DIFFERENCE = 1e-7  # N m
 
 
@@ -151,6 +152,24 @@ def _section(gap):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(**_INLINE)
+def _add_tendon(work, tendon, lane, lanes, ux, uy, vz, square, pulls):  # type: ignore[no-untyped-def]
+    """Adds a tendon's tension, along its tangent, to the sums that the strains need."""
+    tension, x, y = _read(work, _TENDONS + 3 * tendon, lane, lanes)
+    q = x * x + y * y
+    along = vz + ux * y - uy * x
+    share = tension / np.sqrt(along * along + square * q)
+    pull = share * along
+    return (
+        pulls[0] + x * pull,
+        pulls[1] + y * pull,
+        pulls[2] + pull,
+        pulls[3] + q * share,
+        pulls[4] + x * share,
+        pulls[5] + y * share,
+    )
+
+
+@numba.njit(**_INLINE)
 def _strains(work, lane, lanes, tendons, section, m, n, sums, carried):  # type: ignore[no-untyped-def]
     """Curvature u and linear strain v at a cut, from its moment and force and from the sums at the stage before.
 
@@ -162,19 +181,12 @@ def _strains(work, lane, lanes, tendons, section, m, n, sums, carried):  # type:
     uz, vx, vy = carried
     vz = 1.0 + (n[2] - sums[2]) * per_EA
     square = uz * uz
-    tx, ty, tz, twist, shear_x, shear_y = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for tendon in range(len(tendons)):
-        tension, x, y = _read(work, _TENDONS + 3 * tendon, lane, lanes)
-        q = x * x + y * y
-        along = vz + ux * y - uy * x
-        share = tension / np.sqrt(along * along + square * q)
-        pull = share * along
-        tx += x * pull
-        ty += y * pull
-        tz += pull
-        twist += q * share
-        shear_x += x * share
-        shear_y += y * share
+    pulls = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for tendon in range(min(len(tendons), _STRAIGHT)):
+        pulls = _add_tendon(work, tendon, lane, lanes, ux, uy, vz, square, pulls)
+    for tendon in range(_STRAIGHT, len(tendons)):
+        pulls = _add_tendon(work, tendon, lane, lanes, ux, uy, vz, square, pulls)
+    tx, ty, tz, twist, shear_x, shear_y = pulls
     uz = (m[2] + rest_moment - vy * shear_x + vx * shear_y) / (GJ + twist)
     u = (rest_x + (m[0] - ty) * per_EI, rest_y + (m[1] + tx) * per_EI, uz)
     per_shear = 1.0 / (GA + tz)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -58,6 +60,17 @@ def test_without_loads_the_robot_is_the_arc(paper_robot, random):
     chord = np.linalg.norm(positions[:, -1], axis=1)
     expected = stretch * 2.0 * np.sin(0.5 * curvature * paper_robot.length) / curvature
     np.testing.assert_allclose(chord, expected, rtol=1e-12)
+
+
+def test_tendons_at_one_place_share_their_tension(paper_robot, random):
+    tensions, gravity, tip_force = loaded_cases(paper_robot, 9, random)
+    moment = random.normal(0.0, 0.005, (9, 3))
+    constants = rod_constants(paper_robot)
+    nine = replace(constants, offsets=np.tile(constants.offsets, (3, 1)))
+    whole = integrate_poses(constants, tensions, gravity, tip_force, moment)
+    shared = integrate_poses(nine, np.tile(tensions / 3.0, (1, 3)), gravity, tip_force, moment)
+    for expected, found in zip(whole, shared, strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-13)
 
 
 def test_converges_with_the_step(two_segment_robot, solved):
