@@ -189,6 +189,19 @@ def write_folder_whole(folder: str | Path, last: str = "result.json") -> Iterato
         shutil.rmtree(staging, ignore_errors=True)
 
 
+def check_folder(folder: str | Path) -> None:
+    """Raises FormatError unless a folder can be written or made: what is computed for it would be lost.
+
+    Nothing is made or changed.
+    """
+    target = Path(folder).absolute()
+    nearest = next(place for place in (target, *target.parents) if place.exists())
+    if not nearest.is_dir():
+        raise FormatError(folder, f"cannot be written: {nearest} is no folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise FormatError(folder, f"cannot be written: no permission in {nearest}")
+
+
 def _make_staging(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -11,6 +11,7 @@ import pytest
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import (
     FileModel,
+    check_folder,
     parse_table,
     read_json,
     read_text,
@@ -132,3 +133,23 @@ def test_unwritable_folder_is_refused(tmp_path: Path) -> None:
     blocker.write_text("")
     with pytest.raises(FormatError, match="cannot be written"), write_folder_whole(blocker / "out"):
         pass
+
+
+def test_a_folder_that_can_be_made_is_not_made_yet(tmp_path: Path) -> None:
+    check_folder(tmp_path)
+    check_folder(tmp_path / "a" / "b")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_behind_a_file_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(FormatError, match="file is no folder"):
+            check_folder(folder)
+
+
+def test_a_folder_without_permission_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The superuser may write anywhere, so what the system would say to others is put in its place.
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(FormatError, match="no permission in"):
+        check_folder(tmp_path / "below")

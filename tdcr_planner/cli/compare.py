@@ -39,13 +39,16 @@ def compare(
     """
     from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.compare.comparison import compare as compare_scenario
+    from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
     from tdcr_planner.report.compare_results import write_comparison
     from tdcr_planner.workers import usable_cpus
 
+    query = load_scenario(scenario)
+    check_folder(out)
     with CountBar("comparing", shown=progress) as bar:
         found = compare_scenario(
-            load_scenario(scenario),
+            query,
             samples=samples,
             paths=paths,
             seed=seed,

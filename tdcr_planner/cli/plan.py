@@ -43,6 +43,7 @@ def plan(
     import time
 
     from tdcr_planner.cli.progress import TimeBar, remark_if_slow
+    from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
     from tdcr_planner.report.results import write_result
     from tdcr_planner.session import PlanningSession, PlanStatus
@@ -51,6 +52,7 @@ def plan(
     given = {"seed": seed, "name": planner, "validity": validity, "time_limit_s": time_limit_s}
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
+    check_folder(out)
     with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
         session = PlanningSession(query)
         session.use_roadmap(roadmap)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,6 +39,7 @@ def roadmap(
     """
     from tdcr_planner.cli.progress import TimeBar, remark_if_slow
     from tdcr_planner.errors import InputError
+    from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
     from tdcr_planner.session import PlanningSession
 
@@ -52,7 +52,7 @@ def roadmap(
     if seed is not None and seed < 1:
         raise InputError("--seed", "1 or more", seed)
     query = load_scenario(scenario)
-    _check_folder(out)
+    check_folder(out.parent)
     with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
         builder = PlanningSession(query).roadmap_builder(seed=seed)
     interrupted = False
@@ -68,18 +68,6 @@ def roadmap(
     print(describe(found))
     print(f"file:      {out}, {out.stat().st_size / 1e6:.2f} MB")
     return 1 if interrupted else 0
-
-
-def _check_folder(out: Path) -> None:
-    """Makes the folder of a file, or raises FormatError: the build would be for nothing."""
-    from tdcr_planner.errors import FormatError
-
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FormatError(out.parent, f"cannot be written: {error.strerror}") from error
-    if not os.access(out.parent, os.W_OK):
-        raise FormatError(out.parent, "cannot be written: no permission")
 
 
 def describe(roadmap: Roadmap) -> str:

@@ -45,6 +45,7 @@ def robustness(
     """
     from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.errors import FormatError
+    from tdcr_planner.files import check_folder
     from tdcr_planner.report.results import read_result
     from tdcr_planner.report.robustness_results import write_robustness
     from tdcr_planner.robustness import Tolerances, assess_robustness
@@ -53,6 +54,8 @@ def robustness(
     planned = read_result(result)
     if planned.path is None:
         raise FormatError(result, f"holds no path to assess (status {planned.status.value!r})", "path")
+    if out is not None:
+        check_folder(out)
     with CountBar("drawing robots", shown=progress) as bar:
         found = assess_robustness(planned, tolerances, samples=samples, seed=seed, progress=bar.update)
     if out is not None:

@@ -155,3 +155,10 @@ def test_info_describes_a_scenario(root: Path, capsys: pytest.CaptureFixture[str
     text = capsys.readouterr().out
     assert "gravity (0, 0, -9.81) m/s^2, no tip force" in text
     assert "goal 2: tip at (155, 26, 2) mm" in text
+
+
+def test_a_reader_that_has_seen_enough_gets_no_traceback(root: Path) -> None:
+    program = "from tdcr_planner.cli.main import main; main()"
+    pipe = f"'{sys.executable}' -c '{program}' info '{root}/models/robots/two_segment.toml' | true"
+    done = subprocess.run(["sh", "-c", pipe], capture_output=True, text=True, check=True)
+    assert done.stderr == ""

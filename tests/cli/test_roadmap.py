@@ -83,6 +83,8 @@ def test_ctrl_c_keeps_what_has_been_built(
             ["plan", "{scenario}", "--out", "{tmp}/b", "--time-limit-s", "nan"],
             "planner.time_limit_s: expected a fini",
         ),
+        (["plan", "{scenario}", "--out", "{scenario}/b"], "scenario.toml is no folder"),
+        (["compare", "{scenario}", "--out", "{scenario}/b"], "scenario.toml is no folder"),
         (["roadmap", "none.toml", "--out", "{tmp}/a.npz"], "none.toml: no such file"),
         (["plan", "{scenario}", "--out", "{tmp}/b", "--roadmap", "none.npz"], "none.npz: no such file"),
         (["plan", "{scenario}", "--out", "{tmp}/b", "--roadmap", "{scenario}"], "is damaged or no roadmap"),
