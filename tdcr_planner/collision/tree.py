@@ -287,9 +287,9 @@ def _winding(tree, px, py, pz, dipole_range):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def winding_number(tree, px, py, pz):  # type: ignore[no-untyped-def]
-    """Returns the winding number of a closed mesh about p (Jacobson et al. 2013, eq. 5), an integer off the surface.
+    """Returns the winding number of a closed mesh about p (Jacobson et al. 2013), an integer off the surface.
 
-    Far nodes are summed as dipoles (Barill et al. 2018, eq. 11). Since the true value is an integer, an approximate one
+    Far nodes are summed as dipoles (Barill et al. 2018). Since the true value is an integer, an approximate one
     that is not clearly near an integer is computed again without the approximation.
     """
     value = _winding(tree, px, py, pz, DIPOLE_RANGE)

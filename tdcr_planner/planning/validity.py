@@ -297,8 +297,9 @@ class RobotLimits:
         """Returns how far each tendon is pulled out at the base against the straight unloaded robot.
 
         A tendon at constant offset r from a backbone of curvature u and axial strain e has the length
-        integral of 1 + e + (u x r)_z (Rucker and Webster 2011, eq. 1 to 3, to first order in the angle between tendon
-        and backbone); u is the mean between disks, e the tendons' compression, and the tendon's own stretch adds.
+        integral of 1 + e + (u x r)_z (Rucker and Webster 2011, tendon kinematics, to first order in the angle between
+        tendon and backbone); u is the mean between disks, e the tendons' compression, and the tendon's own stretch
+        adds.
 
         Args:
             tensions: Shape (n, t), N.

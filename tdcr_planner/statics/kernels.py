@@ -22,6 +22,9 @@ OPTIONS: dict[str, Any] = {
     "fastmath": {"contract", "reassoc", "arcp", "nsz"},
 }
 
+# For what runs at every stage of every step: a call would pass each array's reference count through memory.
+INLINED: dict[str, Any] = OPTIONS | {"forceinline": True}
+
 STRAIN_TOLERANCE = 1e-12
 STRAIN_ITERATIONS = 60
 
@@ -38,7 +41,7 @@ LONG_LOAD_STEP = 1.0 / 16.0
 LARGEST_MOMENT = 1e6
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def strain_hessian(
     strain: FloatArray, stiffness: FloatArray, offsets: FloatArray, tau: FloatArray, first: int, inverse: FloatArray
 ) -> None:
@@ -150,7 +153,7 @@ def strain_hessian(
     inverse[5, 5] = s22
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def solve_strain(
     load: FloatArray,
     strain: FloatArray,
@@ -268,7 +271,7 @@ def solve_strain(
     return False
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def exponential(twist: FloatArray, rotation: FloatArray, position: FloatArray) -> None:
     """Writes the rigid motion exp(a, b) of a twist (angular a, linear b): rotation (3, 3) and position (3,)."""
     ax, ay, az, bx, by, bz = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
@@ -303,11 +306,11 @@ def exponential(twist: FloatArray, rotation: FloatArray, position: FloatArray) -
     position[2] = c1 * bz + c2 * (ax * by - ay * bx) + dot * az
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def pulled_back(twist: FloatArray, strain: FloatArray, slope: FloatArray) -> None:
     """Writes the rate of the twist, dexp^-1 of the strain up to the fourth order of a step.
 
-    k = xi + [phi, xi] / 2 + [phi, [phi, xi]] / 12 for g' = g xi^ (Munthe-Kaas 1999; Iserles et al. 2000, eq. 2.45,
+    k = xi + [phi, xi] / 2 + [phi, [phi, xi]] / 12 for g' = g xi^ (Munthe-Kaas 1999; Iserles et al. 2000, sec. 2.4,
     with the sign of a left-invariant equation).
     """
     ax, ay, az, bx, by, bz = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
@@ -324,7 +327,7 @@ def pulled_back(twist: FloatArray, strain: FloatArray, slope: FloatArray) -> Non
     slope[5] = vz + 0.5 * qz + (ax * qy - ay * qx + bx * py - by * px) / 12.0
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def load_at(
     rotation: FloatArray,
     position: FloatArray,
@@ -349,7 +352,7 @@ def load_at(
         load[3 + j] = rotation[0, j] * mx + rotation[1, j] * my + rotation[2, j] * mz
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def predict(load: FloatArray, previous: FloatArray, inverse: FloatArray, strain: FloatArray) -> None:
     """Moves the strain along the linearised equations from the previous load to this one."""
     for i in range(6):
@@ -361,7 +364,7 @@ def predict(load: FloatArray, previous: FloatArray, inverse: FloatArray, strain:
         previous[j] = load[j]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def rate_of_variation(
     load: FloatArray, strain: FloatArray, inverse: FloatArray, angle: FloatArray, moment: FloatArray, rate: FloatArray
 ) -> None:
