@@ -199,9 +199,13 @@ class PlannerRun:
         For KPIECE1, whether the edge or its first half, quarter ... is, of which state_b is made the end: the planner
         adds to its tree what state_b holds, and asks about no other edges than those of its tree.
         """
-        if self.error is not None:
+        if self._over or self.error is not None:
             return False
         try:
+            if time.monotonic() >= self.deadline:
+                # AORRTC can add edges to its trees for ever without asking whether to go on.
+                self._over = True
+                return False
             start, end = self._read(state_a), self._read(state_b)
             for halving in range(self._halvings + 1):
                 if self.edges.check_edge(start, end):

@@ -220,3 +220,12 @@ def test_kpiece_goes_as_far_as_a_motion_is_valid(make_setup):
         np.array_equal(first[0], second[0]) and np.allclose(second[1], 0.5 * (first[0] + first[1]))
         for first, second in itertools.pairwise(seen)
     )
+
+
+def test_no_edge_is_valid_once_the_time_is_over(make_setup):
+    # A planner that asks about edges for ever, and never whether to go on, ends by it.
+    setup, _, _ = around_post(make_setup)
+    run = planner_run(setup, "AORRTC", seconds=-1.0)
+    assert not run.edge_valid([0.0, 0.0], [0.0, 0.0])
+    assert setup.edges.edges_checked == 0
+    assert planner_run(setup, "AORRTC").edge_valid([0.0, 0.0], [0.0, 0.0])
