@@ -262,8 +262,8 @@ def draw_against_time(axes: Axes, methods: list[Method], program: Method) -> Non
             c=PALETTE[colour],
         )
     network_s = 1e-6 * PUBLISHED_BATCH_US
-    axes.plot([network_s] * 2, [PUBLISHED_MEDIAN_MM, PUBLISHED_LARGEST_MM], color=PALETTE["purple"], lw=1.5)
-    axes.plot(network_s, PUBLISHED_MEDIAN_MM, "D", color=PALETTE["purple"], ms=6)
+    axes.plot([network_s] * 2, [PUBLISHED_MEDIAN_MM, PUBLISHED_LARGEST_MM], color=PALETTE["purple"], lw=1.5, zorder=4)
+    axes.plot(network_s, PUBLISHED_MEDIAN_MM, "D", color=PALETTE["purple"], ms=7, mec="white", zorder=5)
     axes.annotate(
         "its authors' weights,\nmedian and largest",
         (network_s, PUBLISHED_MEDIAN_MM),
