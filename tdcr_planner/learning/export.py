@@ -6,6 +6,7 @@ import copy
 import io
 import platform
 import warnings
+import zipfile
 from importlib.metadata import version
 from pathlib import Path
 
@@ -46,13 +47,26 @@ def write_model(path: Path, network: nn.Module, card: ModelCard, weights: Shooti
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=r"`torch\.jit\..*` is deprecated", category=DeprecationWarning)
         torch.jit.save(script_module(network), buffer, _extra_files=extra)
-    write_bytes(path, buffer.getvalue())
+    write_bytes(path, _without_debug_records(buffer))
 
 
 def library_versions() -> dict[str, str]:
     """Returns the versions of what makes a model."""
     names = ("tdcr-planner", "torch", "numpy", "numba")
     return {"python": platform.python_version(), **{name: version(name) for name in names}}
+
+
+def _without_debug_records(archive: io.BytesIO) -> bytes:
+    """Returns a TorchScript archive without the places in the source that its code came from.
+
+    They are for error messages only, and name folders of the machine that made the file.
+    """
+    kept = io.BytesIO()
+    with zipfile.ZipFile(archive) as source, zipfile.ZipFile(kept, "w", zipfile.ZIP_STORED) as target:
+        for record in source.infolist():
+            if not record.filename.endswith(".debug_pkl"):
+                target.writestr(zipfile.ZipInfo(record.filename), source.read(record))
+    return kept.getvalue()
 
 
 def _weights_as_bytes(weights: ShootingWeights) -> bytes:

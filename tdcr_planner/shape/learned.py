@@ -219,7 +219,9 @@ def load_torch_module(path: str | Path) -> torch.jit.ScriptModule:
         # TorchScript is the model format; torch deprecates it without a replacement that C++ can load.
         warnings.filterwarnings("ignore", message=r"`torch\.jit\..*` is deprecated", category=DeprecationWarning)
         try:
-            module = torch.jit.load(str(path), map_location="cpu")
+            # Tensors made in inference mode could never be used for gradients, and the module is kept.
+            with torch.inference_mode(False):
+                module = torch.jit.load(str(path), map_location="cpu")
         except RuntimeError as error:
             raise FormatError(path, f"is not a TorchScript file: {str(error).splitlines()[0]}") from error
     module.eval()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import zipfile
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -180,3 +183,11 @@ def test_loads_in_the_wrong_unit_are_refused(small_robot, small_settings, tmp_pa
     with pytest.raises(InputError, match=words):
         train_model(small_robot, small_settings(domain=domain), tmp_path / "model.pt")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_model_file_names_no_folder_of_the_machine_that_made_it(small_model):
+    with zipfile.ZipFile(small_model.path) as archive:
+        records = {name: archive.read(name) for name in archive.namelist()}
+    assert any(name.endswith("network.py") for name in records)
+    folder = str(Path(train_module.__file__).parents[2]).encode()
+    assert [name for name, content in records.items() if folder in content] == []

@@ -279,6 +279,19 @@ def test_torchscript_has_gradients_by_its_inputs(inspection):
     np.testing.assert_allclose(tensions.grad[0, 0].item(), (ahead - behind) / 2e-4, rtol=2e-2)
 
 
+def test_a_module_that_has_answered_still_has_gradients():
+    import torch
+
+    published = load_shape_model(ROOT / "models/shape/paper/published.pt")
+    published.disk_poses([[1.0, 0.5, 0.0]])
+    tensions = torch.tensor([[1.0, 0.5, 0.0]], dtype=torch.float64, requires_grad=True)
+    loads = torch.zeros(1, 3, dtype=torch.float64)
+    positions, _ = published.torch_module(tensions, loads, loads)
+    positions[0, -1, 0].backward()
+    assert tensions.grad is not None
+    assert tensions.grad.abs().max() > 0.0
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_files_belong_together(name):
     folder = ROOT / "models/shape" / name
