@@ -26,7 +26,7 @@ def train(
     TorchScript file. A run that was stopped goes on where it was when the same command is given again. With
     measured shapes in the configuration, the robot they describe is written beside the model.
 
-    The cases are the same, bit for bit, wherever they are solved: in this process, by --jobs processes, or by the
+    The cases are the same, up to rounding, wherever they are solved: in this process, by --jobs processes, or by the
     workers of a Dask cluster, of which some may die on the way.
 
     Args:

@@ -127,8 +127,8 @@ def solve_cases(
     """Returns the cases that have a stable equilibrium, with what the reference says about them.
 
     The cases are solved in numbered blocks and put together in the order of the numbers. A case's solution depends on
-    nothing but the case, so the result is the same, bit for bit, whichever workers solved the blocks, how many there
-    were, and whether some died on the way (with the same versions of the libraries).
+    nothing but the case, so the result is the same, up to the rounding of their processors, whichever workers solved
+    the blocks, how many there were, and whether some died on the way (with the same versions of the libraries).
 
     Args:
         robot: The robot.

@@ -22,9 +22,6 @@ OPTIONS: dict[str, Any] = {
     "fastmath": {"contract", "reassoc", "arcp", "nsz"},
 }
 
-# For what runs at every stage of every step: a call would pass each array's reference count through memory.
-INLINED: dict[str, Any] = OPTIONS | {"forceinline": True}
-
 STRAIN_TOLERANCE = 1e-12
 STRAIN_ITERATIONS = 60
 
@@ -41,7 +38,7 @@ LONG_LOAD_STEP = 1.0 / 16.0
 LARGEST_MOMENT = 1e6
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def strain_hessian(
     strain: FloatArray, stiffness: FloatArray, offsets: FloatArray, tau: FloatArray, first: int, inverse: FloatArray
 ) -> None:
@@ -153,7 +150,7 @@ def strain_hessian(
     inverse[5, 5] = s22
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def solve_strain(
     load: FloatArray,
     strain: FloatArray,
@@ -271,7 +268,7 @@ def solve_strain(
     return False
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def exponential(twist: FloatArray, rotation: FloatArray, position: FloatArray) -> None:
     """Writes the rigid motion exp(a, b) of a twist (angular a, linear b): rotation (3, 3) and position (3,)."""
     ax, ay, az, bx, by, bz = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
@@ -306,7 +303,7 @@ def exponential(twist: FloatArray, rotation: FloatArray, position: FloatArray) -
     position[2] = c1 * bz + c2 * (ax * by - ay * bx) + dot * az
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def pulled_back(twist: FloatArray, strain: FloatArray, slope: FloatArray) -> None:
     """Writes the rate of the twist, dexp^-1 of the strain up to the fourth order of a step.
 
@@ -327,7 +324,7 @@ def pulled_back(twist: FloatArray, strain: FloatArray, slope: FloatArray) -> Non
     slope[5] = vz + 0.5 * qz + (ax * qy - ay * qx + bx * py - by * px) / 12.0
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def load_at(
     rotation: FloatArray,
     position: FloatArray,
@@ -352,7 +349,7 @@ def load_at(
         load[3 + j] = rotation[0, j] * mx + rotation[1, j] * my + rotation[2, j] * mz
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def predict(load: FloatArray, previous: FloatArray, inverse: FloatArray, strain: FloatArray) -> None:
     """Moves the strain along the linearised equations from the previous load to this one."""
     for i in range(6):
@@ -364,7 +361,7 @@ def predict(load: FloatArray, previous: FloatArray, inverse: FloatArray, strain:
         previous[j] = load[j]
 
 
-@njit(**INLINED)
+@njit(**OPTIONS)
 def rate_of_variation(
     load: FloatArray, strain: FloatArray, inverse: FloatArray, angle: FloatArray, moment: FloatArray, rate: FloatArray
 ) -> None:

@@ -83,7 +83,8 @@ def many_cases(small_robot, random):
 
 def assert_same(found, expected):
     for name in ("base_moment", "positions", "rotations"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+        # A process that compiles the solver for itself may round otherwise; cases differ from each other by far more.
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=0.0, atol=1e-13)
     for field in dataclasses.fields(expected.cases):
         np.testing.assert_array_equal(getattr(found.cases, field.name), getattr(expected.cases, field.name))
     assert found.asked == expected.asked
