@@ -43,6 +43,10 @@ class GoalSource(Protocol):
         """Returns why the goal cannot be a goal at all; empty when it can, or when nobody knows yet."""
         ...
 
+    def obstruction(self) -> str:
+        """Returns what is in the way of a configuration that reaches the goal; empty where none is known."""
+        ...
+
     def satisfied(self, row: FloatArray) -> bool:
         """Returns whether a configuration, shape (dimension,), reaches the goal."""
         ...
@@ -74,6 +78,10 @@ class ConfigurationGoal:
     def unreachable(self) -> str:
         """Returns why the configuration is not valid, naming disk and mesh for a contact."""
         return self._problem
+
+    def obstruction(self) -> str:
+        """Returns nothing: an invalid configuration is told by `unreachable`."""
+        return ""
 
     def satisfied(self, row: FloatArray) -> bool:
         """Returns whether a row is the goal configuration."""
@@ -116,6 +124,7 @@ class TipGoal:
         self.rows: list[FloatArray] = []
         self.reached = 0
         self.nearest: tuple[FloatArray, FloatArray] = (np.full(3, np.inf), np.full(3, np.nan))
+        self._blocked: FloatArray | None = None
 
     def take(self) -> list[FloatArray]:
         """Returns the valid goal states found since the last call."""
@@ -147,7 +156,10 @@ class TipGoal:
         self.reached += int(within.sum())
         if within.any():
             candidates = rows[within]
-            self.rows.extend(self._diverse(candidates[self._checker.valid(candidates)]))
+            valid = self._checker.valid(candidates)
+            self.rows.extend(self._diverse(candidates[valid]))
+            if not valid.all():
+                self._blocked = candidates[~valid][0]
 
     def unreachable(self) -> str:
         """Returns the nearest reachable tip position when no round has come within the tolerance, collisions aside."""
@@ -164,6 +176,12 @@ class TipGoal:
             + f"; the nearest that can be reached, collisions aside, is ({place}) m, {distance:.4f} m away"
             + ("" if self._view is None else f", looking {angle:.1f} degrees off")
         )
+
+    def obstruction(self) -> str:
+        """Returns what is in the way of one of the configurations that reach the goal, and how many those are."""
+        if self._blocked is None:
+            return ""
+        return f"{self.reached} that reach it were tried; in the way of one: {self._checker.explain(self._blocked)}"
 
     def satisfied(self, row: FloatArray) -> bool:
         """Returns whether a configuration brings the tip within the tolerances."""

@@ -161,7 +161,8 @@ class _Query:
                 return self._outcome(SearchStatus.INVALID_GOAL, f"{self._name(number)}: {problem}")
             if not source.rows:
                 message = f"{self._name(number)}: no configuration that reaches it was found to be free of collision"
-                return self._outcome(SearchStatus.NO_PATH, message)
+                obstruction = source.obstruction()
+                return self._outcome(SearchStatus.NO_PATH, f"{message} ({obstruction})" if obstruction else message)
         return self._travel(start, self._order(start))
 
     def _travel(self, start: FloatArray, order: tuple[int, ...]) -> SearchOutcome:
@@ -171,7 +172,7 @@ class _Query:
             source = self.sources[number]
             found = self._way(rows[-1], source, leg, cost)
             if found is None:
-                message = f"no path to {self._name(number)} within the time given"
+                message = f"no path to {self._name(number)} within the time given{self._commonest_rejection()}"
                 return self._outcome(SearchStatus.NO_PATH, message)
             found = shorten(self.edges, found, seed=self.seed + leg, deadline=self.deadline, cost=cost.edge)
             rows = np.concatenate([rows, found[1:]])
@@ -237,6 +238,18 @@ class _Query:
     def _name(self, number: int) -> str:
         return "the goal" if len(self.scenario.goals) == 1 else f"goal {number + 1}"
 
+    def _rejected(self) -> dict[str, int]:
+        counts = {cause: n - self._rejected_before[cause] for cause, n in self.checker.rejected.items()}
+        return rejections(counts)
+
+    def _commonest_rejection(self) -> str:
+        """Returns what rejected most states, as the end of a sentence; empty when nothing did."""
+        rejected = self._rejected()
+        if not rejected:
+            return ""
+        cause = max(rejected, key=lambda name: rejected[name])
+        return f"; states were rejected most often for {cause} ({rejected[cause]:,})"
+
     def _outcome(
         self,
         status: SearchStatus,
@@ -245,14 +258,13 @@ class _Query:
         goals: tuple[int, ...] = (),
         order: tuple[int, ...] = (),
     ) -> SearchOutcome:
-        rejected = {cause: n - self._rejected_before[cause] for cause, n in self.checker.rejected.items()}
         statistics = {
             "name": self.scenario.planner.name,
             "iterations": self.iterations,
             "goal_states": sum(len(source.rows) for source in self.sources),
             "states_checked": self.checker.states_checked - self._states_before,
             "edges_checked": self.edges.edges_checked - self._edges_before,
-            "rejected": rejections(rejected),
+            "rejected": self._rejected(),
         }
         return SearchOutcome(status, message, rows, goals, order, statistics)
 
