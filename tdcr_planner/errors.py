@@ -27,6 +27,22 @@ class InputError(TdcrError, ValueError):
         super().__init__(f"{name}: expected {expected}, got {got}")
 
 
+class UnknownNameError(InputError):
+    """A name is none of those that the call knows."""
+
+    def __init__(self, name: str, got: str, valid: Iterable[str], note: str = "") -> None:
+        """Words the message around the nearest of the known names.
+
+        Args:
+            name: What is being named, such as "planner.name".
+            got: The unknown name.
+            valid: The known names.
+            note: What there is to say about the unknown name, appended to it.
+        """
+        super().__init__(name, nearest_name(got, valid), f"{got!r}{note}")
+        self.args = (f"{name}: got {self.got}; {self.expected}",)
+
+
 class FormatError(TdcrError):
     """A file cannot be read as what it should be.
 
@@ -66,7 +82,7 @@ class DomainError(InputError):
 
 
 def nearest_name(name: str, valid: Iterable[str]) -> str:
-    """Returns a hint naming the valid name nearest to a misspelt one, and all valid names.
+    """Returns a hint naming the valid name nearest to a misspelt one, and all valid names; case does not count.
 
     Args:
         name: The unknown name.
@@ -76,6 +92,7 @@ def nearest_name(name: str, valid: Iterable[str]) -> str:
         For example ``did you mean 'radius_m'? valid: length_m, radius_m``.
     """
     names = sorted(valid)
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
-    hint = f"did you mean '{close[0]}'? " if close else ""
+    by_folded = {known.casefold(): known for known in names}
+    close = difflib.get_close_matches(name.casefold(), by_folded, n=1, cutoff=0.4)
+    hint = f"did you mean '{by_folded[close[0]]}'? " if close else ""
     return f"{hint}valid: {', '.join(names)}"

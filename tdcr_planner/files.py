@@ -9,7 +9,7 @@ import os
 import shutil
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
@@ -30,6 +30,10 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 Vector3 = tuple[float, float, float]
 
 Model = TypeVar("Model", bound=BaseModel)
+
+
+# What TOML and JSON call the containers of Python that pydantic speaks of.
+_CONTAINERS = {"tuple_type": "a list", "model_type": "a table of keys", "dict_type": "a table of keys"}
 
 
 def read_text(path: str | Path) -> str:
@@ -76,16 +80,36 @@ def parse_table(model: type[Model], content: Mapping[str, Any], path: str | Path
     Raises:
         FormatError: Names every fault with its key, what came and what would be valid.
     """
+    _check_format(model, content, path)
     try:
         return model.model_validate(dict(content))
     except ValidationError as error:
-        faults = [_describe_fault(model, fault) for fault in error.errors()]
+        faults = [_describe_fault(model, fault) for fault in _innermost(error.errors())]
         place = faults[0][0] if len(faults) == 1 else ""
         if place:
             raise FormatError(path, faults[0][1], place) from error
         raise FormatError(
             path, "; ".join(f"{key}: {problem}" if key else problem for key, problem in faults)
         ) from error
+
+
+def _check_format(model: type[BaseModel], content: Mapping[str, Any], path: str | Path) -> None:
+    """Refuses a file that says it is of another format, whose keys would all be wrong."""
+    found = content.get("format")
+    field = model.model_fields.get("format")
+    known = () if field is None else get_args(field.annotation)
+    if known and isinstance(found, str) and found not in known:
+        raise FormatError(path, f"is a {found} file, expected {' or '.join(known)}", "format")
+
+
+def _innermost(faults: Sequence[Any]) -> list[Any]:
+    """Returns the faults but for those of a list or table that faults inside of it cause."""
+    places = [fault["loc"] for fault in faults]
+    return [
+        fault
+        for fault in faults
+        if not any(len(place) > len(fault["loc"]) and place[: len(fault["loc"])] == fault["loc"] for place in places)
+    ]
 
 
 def _describe_fault(model: type[BaseModel], fault: Any) -> tuple[str, str]:
@@ -98,6 +122,8 @@ def _describe_fault(model: type[BaseModel], fault: Any) -> tuple[str, str]:
     message = str(fault["msg"]).removeprefix("Value error, ")
     if fault["type"] == "value_error":
         return key, message
+    if fault["type"] in _CONTAINERS:
+        return key, f"expected {_CONTAINERS[fault['type']]}, got {fault['input']!r}"
     return key, f"{message[0].lower()}{message[1:]}, got {fault['input']!r}"
 
 

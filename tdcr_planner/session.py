@@ -15,7 +15,7 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.attempt import RULED_OUT_M, Attempt
 from tdcr_planner.collision.body import RobotBody, Shaft
 from tdcr_planner.collision.scene import CollisionScene
-from tdcr_planner.errors import InputError
+from tdcr_planner.errors import DomainError, InputError
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.ompl_planner import Progress, SearchOutcome, search
 from tdcr_planner.planning.path import TensionPath
@@ -82,10 +82,20 @@ class PlanningSession:
 
     def _check_loads(self) -> None:
         """Raises DomainError when gravity or tip force lie outside the model's domain, whatever the configuration."""
-        robot = self.scenario.robot
-        self.model(self.scenario.planner.validity).disk_poses(
-            robot.pretensions[None], gravity=self.scenario.gravity, tip_force=self.scenario.tip_force
-        )
+        gravity, tip_force = self.scenario.gravity, self.scenario.tip_force
+        keys = {"gravity": ("gravity_m_s2", "m/s^2", gravity), "tip_force": ("tip_force_n", "N", tip_force)}
+        model = self.model(self.scenario.planner.validity)
+        try:
+            model.disk_poses(self.scenario.robot.pretensions[None], gravity=gravity, tip_force=tip_force)
+        except DomainError as error:
+            if error.name not in keys:
+                raise
+            key, unit, vector = keys[error.name]
+            raise DomainError(
+                f"scenario {key}",
+                error.expected,
+                f"{np.linalg.norm(vector):g} {unit}; for more, raise [domain] {key} in train.toml and train again",
+            ) from error
 
     def _warm_up(self) -> None:
         """Runs the compiled kernels once, so that compiling them does not count against a query's time limit."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal, get_args
@@ -16,12 +16,13 @@ from numpy.typing import ArrayLike
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray, check_array
 from tdcr_planner.collision.topology import Loop, Surface, analyse, clean_mesh, fan_cap
 from tdcr_planner.collision.tree import TriangleTree, build_tree, winding_numbers
-from tdcr_planner.errors import FormatError, InputError, nearest_name
+from tdcr_planner.errors import FormatError, InputError, UnknownNameError
 
 logger = logging.getLogger(__name__)
 
 Role = Literal["cavity", "obstacle"]
 METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+POINT_DIGITS = 5  # of a coordinate in metres, in messages
 
 # An opening's rim may leave its plane by this share of its diameter and still be capped flat.
 FLATNESS_SHARE = 0.02
@@ -62,6 +63,7 @@ class SceneMesh:
             They are walls: the body must not poke out of them.
         bounded: Whether the mesh has an inside; false for an open obstacle, of which only the surface counts.
         source: The file it came from, or None.
+        unit: The file's unit of length, for messages; None for a mesh from arrays.
     """
 
     name: str
@@ -72,6 +74,7 @@ class SceneMesh:
     caps: IntArray = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
     bounded: bool = True
     source: Path | None = None
+    unit: str | None = None
     _cap_centres: FloatArray = field(default_factory=lambda: np.empty((0, 3)), repr=False)
     _closure: IntArray = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64), repr=False)
 
@@ -169,7 +172,7 @@ def load_scene_mesh(
     """
     vertices, faces = read_triangles(path, unit)
     file = Path(path)
-    return _build_mesh(file.name, vertices, faces, role, entry_point, entry_normal, file)
+    return replace(_build_mesh(file.name, vertices, faces, role, entry_point, entry_normal, file), unit=unit)
 
 
 def read_triangles(path: str | Path, unit: str) -> tuple[FloatArray, IntArray]:
@@ -184,9 +187,7 @@ def read_triangles(path: str | Path, unit: str) -> tuple[FloatArray, IntArray]:
         FormatError: The file is missing or unreadable.
     """
     if unit not in METRES_PER_UNIT:
-        raise InputError(
-            "unit", f"the mesh file's unit of length; {nearest_name(str(unit), METRES_PER_UNIT)}", repr(unit)
-        )
+        raise UnknownNameError("unit", str(unit), METRES_PER_UNIT, " for the mesh file's unit of length")
     file = Path(path)
     if not file.exists():
         raise FormatError(path, "no such file")
@@ -211,7 +212,7 @@ def _build_mesh(
     source: Path | None,
 ) -> SceneMesh:
     if role not in get_args(Role):
-        raise InputError("role", nearest_name(str(role), get_args(Role)), repr(role))
+        raise UnknownNameError("role", str(role), get_args(Role))
     entry = _check_entry(role, entry_point, entry_normal)
     where = source if source is not None else name
     points, triangles = _check_geometry(where, vertices, faces)
@@ -282,9 +283,14 @@ def _as_cavity(where: str | Path, mesh: SceneMesh, surface: Surface) -> SceneMes
             where,
             "as a cavity: has edges that three or more faces share, or is one-sided, so its inside cannot be told; "
             "repair it, or use it as an 'obstacle', which keeps the body off its surface",
-            f"near {_format_point(mesh.vertices[mesh.faces[face]].mean(axis=0))}",
+            f"near {format_point(mesh.vertices[mesh.faces[face]].mean(axis=0))}",
         )
     entry = _move_entry(mesh, surface.loops)
+    if entry is not None and entry.depth(mesh.vertices).max() <= 0.0:
+        logger.warning(
+            "%s: the whole cavity lies behind its entry plane at %s; the entry's normal must point into the cavity",
+            mesh.name, format_point(entry.point),
+        )  # fmt: skip
     opening: list[Loop] = []
     behind: list[Loop] = []
     for loop in surface.loops:
@@ -350,8 +356,10 @@ def _check_opening(where: str | Path, loop: Loop, crosses_entry: bool) -> None:
 
 
 def _describe(loop: Loop) -> str:
-    return f"at {_format_point(loop.centre)}, {loop.diameter:.3g} m across"
+    return f"at {format_point(loop.centre)}, {loop.diameter:.3g} m across"
 
 
-def _format_point(point: FloatArray) -> str:
-    return "({:.4g}, {:.4g}, {:.4g}) m".format(*point)
+def format_point(point: FloatArray) -> str:
+    """Returns a point, shape (3,), m, for a message, to 0.01 mm."""
+    rounded = np.round(point, POINT_DIGITS) + 0.0  # which makes -0 a 0
+    return f"({', '.join(np.format_float_positional(value, trim='-') for value in rounded)}) m"

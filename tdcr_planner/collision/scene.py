@@ -16,7 +16,7 @@ from tdcr_planner.collision.body import RobotBody, place_solids
 from tdcr_planner.collision.clearance import clearances
 from tdcr_planner.collision.containment import make_side, wrong_part
 from tdcr_planner.collision.field import CELLS, build_field
-from tdcr_planner.collision.meshes import SceneMesh
+from tdcr_planner.collision.meshes import SceneMesh, format_point
 from tdcr_planner.collision.narrow import BodyObjects, MeshObject
 from tdcr_planner.collision.self_contact import make_self_pairs, near_pairs
 from tdcr_planner.collision.settle import screen, settle_batch
@@ -28,8 +28,8 @@ Codes = NDArray[np.int8]
 MAX_SELF_PAIRS = 4096
 # Without a settling field a small one still orders the search for clearances.
 COARSE_CELLS = 1000
-# A mesh this many times longer or shorter than the robot was most likely read in the wrong unit.
-ODD_SIZE = 100.0
+# A mesh of a length beyond these shares of the robot's was most likely read in the wrong unit.
+TOO_LARGE, TOO_SMALL = 20.0, 0.01
 
 
 class Verdict(IntEnum):
@@ -67,7 +67,7 @@ class Contact:
 
     def __str__(self) -> str:
         """Returns a sentence for a message."""
-        place = "({:.4g}, {:.4g}, {:.4g}) m".format(*self.point)
+        place = format_point(self.point)
         part = " and ".join(_name_disks(name) for name in self.part.split(" and "))
         if self.verdict is Verdict.SELF:
             return f"{part} touch each other near {place}"
@@ -94,11 +94,14 @@ def _mesh_verdict(mesh: SceneMesh) -> Verdict:
 
 def _hint_at_units(meshes: Sequence[SceneMesh], body: RobotBody) -> None:
     for mesh in meshes:
-        ratio = float(np.ptp(mesh.bounds, axis=0).max()) / body.robot.length
-        if not 1.0 / ODD_SIZE <= ratio <= ODD_SIZE:
+        size = np.ptp(mesh.bounds, axis=0)
+        ratio = float(size.max()) / body.robot.length
+        if not TOO_SMALL <= ratio <= TOO_LARGE:
+            read = f" after unit {mesh.unit!r}" if mesh.unit else ""
             logger.warning(
-                "%s: its size is %.3g times the robot's length of %.3g m; is its unit the right one?",
-                mesh.name, ratio, body.robot.length,
+                "%s: its size%s is %s mm, %s times the robot's length; is its unit the right one?",
+                mesh.name, read, " x ".join(f"{1e3 * length:.4g}" for length in size),
+                f"{ratio:.0f}" if ratio > 1.0 else f"{ratio:.2g}",
             )  # fmt: skip
 
 

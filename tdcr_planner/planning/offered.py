@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from ompl import geometric as og
 
-from tdcr_planner.errors import InputError, nearest_name
+from tdcr_planner.errors import InputError, UnknownNameError
 
 PLANNERS: tuple[str, ...] = (
     "RRTConnect",
@@ -50,13 +50,13 @@ def check_planner(name: str, parameters: dict[str, Any] | None = None) -> None:
     """Raises InputError unless a planner of that name is offered and has those parameters."""
     if name not in PLANNERS:
         reason = f" (OMPL has {name}, but {REFUSED[name]})" if name in REFUSED else ""
-        raise InputError("planner.name", nearest_name(name, PLANNERS), f"{name!r}{reason}")
+        raise UnknownNameError("planner.name", name, PLANNERS, reason)
     if not parameters:
         return
     known = {**planner_parameters(name), "iterations": int}
     for key, value in parameters.items():
         if key not in known:
-            raise InputError(f"planner.parameters of {name}", nearest_name(key, known), repr(key))
+            raise UnknownNameError(f"planner.parameters of {name}", key, known)
         convert_parameter(key, value, known[key])
 
 

@@ -7,15 +7,25 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.errors import FormatError, InputError, nearest_name
+from tdcr_planner.errors import FormatError, InputError, UnknownNameError
 from tdcr_planner.files import FileModel, NotNegative, Positive, Vector3, parse_table, read_toml, sha256_of_file
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
 
-Bending = tuple[tuple[float, float], ...]
+# A range of insertion this many times as long as the robot was most likely given in millimetres.
+LONGEST_TRAVEL = 20.0
+
+
+def _check_rows(value: Any) -> Any:
+    if isinstance(value, list | tuple) and not all(isinstance(row, list | tuple) for row in value):
+        raise ValueError(f"expected a row [x, y] a segment, such as [[0.4, 0.0]], got {list(value)}")
+    return value
+
+
+Bending = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_check_rows)]
 Validity = Literal["learned", "reference", "constant_curvature"]
 
 
@@ -290,7 +300,7 @@ class Scenario:
             fault = error.errors()[0]
             name = ".".join(str(item) for item in fault["loc"])
             if fault["type"] == "extra_forbidden":
-                raise InputError("planner", nearest_name(name, PlannerSettings.model_fields), repr(name)) from error
+                raise UnknownNameError("planner", name, PlannerSettings.model_fields) from error
             expected = str(fault["msg"]).removeprefix("Input should be ")
             raise InputError(f"planner.{name}", expected, repr(fault["input"])) from error
         return Scenario(self.path, self.sha256, self.file.model_copy(update={"planner": settings}), self.robot)
@@ -304,7 +314,10 @@ def load_scenario(path: str | Path) -> Scenario:
     """
     file = Path(path).resolve()
     content = parse_table(ScenarioFile, read_toml(file), path)
-    robot = load_robot((file.parent / content.robot).resolve())
+    robot_file = (file.parent / content.robot).resolve()
+    if not robot_file.is_file():
+        raise FormatError(path, f"no such file: {robot_file}", "robot")
+    robot = load_robot(robot_file)
     scenario = Scenario(file, sha256_of_file(file), content, robot)
     _check_against_robot(scenario)
     for index, mesh in enumerate(content.meshes):
@@ -316,9 +329,23 @@ def load_scenario(path: str | Path) -> Scenario:
     return scenario
 
 
+def _check_travel(scenario: Scenario) -> None:
+    """Refuses a range of insertion that is far too long for the robot."""
+    low, high = scenario.file.base.insertion_m or (0.0, 0.0)
+    ratio = (high - low) / scenario.robot.length
+    if ratio > LONGEST_TRAVEL:
+        raise FormatError(
+            scenario.path,
+            f"a travel of {high - low:g} m is {ratio:.0f} times the robot's length of {scenario.robot.length:g} m, "
+            f"expected {LONGEST_TRAVEL:g} times at most; metres are meant",
+            "base.insertion_m",
+        )
+
+
 def _check_against_robot(scenario: Scenario) -> None:
     count = scenario.robot.segment_count
     base = scenario.file.base
+    _check_travel(scenario)
     configurations: list[tuple[str, Bending, float, float]] = [
         ("start", scenario.file.start.bending_n, scenario.file.start.insertion_m, scenario.file.start.roll_deg)
     ]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from tdcr_planner.collision.meshes import SceneMesh, load_scene_mesh
+from tdcr_planner.collision.meshes import SceneMesh, format_point, load_scene_mesh
 from tdcr_planner.errors import FormatError, InputError
 
 
@@ -54,9 +54,9 @@ def test_faults_of_a_file_name_the_file(tmp_path, shapes):
 
 def test_faults_of_arguments_are_named(tmp_path, shapes):
     path = _export(tmp_path / "box.stl", *shapes.box((1, 1, 1)))
-    with pytest.raises(InputError, match="unit: expected .*valid: cm, in, m, mm, got 'feet'"):
+    with pytest.raises(InputError, match="^unit: got 'feet' for the mesh file's unit of length; valid: cm, in, m, mm$"):
         load_scene_mesh(path, "feet", "obstacle")
-    with pytest.raises(InputError, match="role: expected .*valid: cavity, obstacle, got 'cavty'"):
+    with pytest.raises(InputError, match=r"^role: got 'cavty'; did you mean 'cavity'\? valid: cavity, obstacle$"):
         load_scene_mesh(path, "mm", "cavty")
     with pytest.raises(InputError, match="entry_normal: .*only one of them"):
         load_scene_mesh(path, "mm", "cavity", (0, 0, 0))
@@ -113,6 +113,15 @@ def test_a_cavity_far_in_front_of_its_entry_is_warned_of(shapes, caplog):
     with caplog.at_level(logging.WARNING):
         SceneMesh.from_arrays("pipe", *shapes.pipe(), "cavity", [0, 0, -0.01], [0, 0, 1])
     assert "no opening lies on or behind the entry plane" in caplog.text
+
+
+def test_a_normal_out_of_the_cavity_is_warned_of_and_points_are_rounded(shapes, caplog):
+    with caplog.at_level(logging.WARNING):
+        SceneMesh.from_arrays("pipe", *shapes.pipe(), "cavity", [1e-19, -1e-7, 0], [0, 0, 1])
+        assert not caplog.records
+        SceneMesh.from_arrays("pipe", *shapes.pipe(), "cavity", [1e-19, -1e-7, 0], [0, 0, -1])
+    assert "pipe: the whole cavity lies behind its entry plane at (0, 0, 0) m; the entry's normal must" in caplog.text
+    assert format_point(np.array([0.123456, -2.0, 1e-5])) == "(0.12346, -2, 0.00001) m"
 
 
 def _without(vertices, faces, centre, radius):

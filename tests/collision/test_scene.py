@@ -6,9 +6,10 @@ import logging
 
 import numpy as np
 import pytest
+import trimesh
 
 from tdcr_planner.collision.body import RobotBody
-from tdcr_planner.collision.meshes import SceneMesh
+from tdcr_planner.collision.meshes import SceneMesh, load_scene_mesh
 from tdcr_planner.collision.scene import CollisionScene, Verdict
 from tdcr_planner.errors import InputError
 
@@ -134,12 +135,23 @@ def test_verdict_and_clearance_agree_on_random_states(paper, pipe_mesh, draw_pos
 
 
 def test_a_mesh_in_the_wrong_unit_is_hinted_at(paper, shapes, caplog):
-    for size, hint in ((0.2, False), (50.0, True), (0.0005, True)):
+    length = paper.length
+    for size, hint in ((0.2, False), (19.9 * length, False), (20.1 * length, True), (0.0005, True)):
         mesh = SceneMesh.from_arrays("part.stl", *shapes.box((size, size, size)), "obstacle")
         caplog.clear()
         with caplog.at_level(logging.WARNING):
             CollisionScene([mesh], RobotBody(paper), field=None)
         assert ("part.stl: its size is" in caplog.text) == hint
+
+
+def test_the_hint_at_units_names_the_size_and_the_unit(paper, shapes, tmp_path, caplog):
+    vertices, faces = shapes.box((90.0, 195.0, 80.0))
+    trimesh.Trimesh(vertices, faces).export(tmp_path / "part.stl")
+    mesh = load_scene_mesh(tmp_path / "part.stl", "in", "obstacle")
+    with caplog.at_level(logging.WARNING):
+        CollisionScene([mesh], RobotBody(paper), field=None)
+    ratio = f"{195.0 * 0.0254 / paper.length:.0f}"
+    assert f"part.stl: its size after unit 'in' is 2286 x 4953 x 2032 mm, {ratio} times the robot" in caplog.text
 
 
 def test_the_same_margins_give_the_same_scene(paper):

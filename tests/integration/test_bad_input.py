@@ -103,8 +103,14 @@ FAULTS: dict[str, tuple[Callable[[Workplace], None], list[str]]] = {
         write_scenario(start="{ bending_n = [[0.0, 0.0], [0.0, 0.0]] }"),
         ["start.bending_n", "1 rows"],
     ),
-    "gravity outside the domain": (write_scenario(gravity_m_s2="[0.0, 0.0, -25.0]"), ["gravity", "9.81", "25"]),
-    "tip force outside the domain": (write_scenario(tip_force_n="[0.0, 0.3, 0.0]"), ["tip_force", "0.05", "0.3"]),
+    "gravity outside the domain": (
+        write_scenario(gravity_m_s2="[0.0, 0.0, -25.0]"),
+        ["scenario gravity_m_s2: expected at most 9.81 m/s^2", "got 25 m/s^2; for more, raise [domain] gravity_m_s2"],
+    ),
+    "tip force outside the domain": (
+        write_scenario(tip_force_n="[0.0, 0.3, 0.0]"),
+        ["scenario tip_force_n", "0.05", "0.3 N; for"],
+    ),
     "model of another robot": (other_model, ["model.pt", "'paper'", "'inspection'"]),
     "truncated model": (truncated_model, ["model.pt", "truncated"]),
     "no model": (no_model, ["model.pt", "not a shape model"]),
