@@ -35,7 +35,7 @@ def compare(
         paths: Queries to plan with each model; 0 for none.
         seed: Seed of the states.
         jobs: Worker processes; the number of processors without it.
-        progress: Draw a progress bar.
+        progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
     from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.compare.comparison import compare as compare_scenario

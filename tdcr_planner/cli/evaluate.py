@@ -31,7 +31,7 @@ def evaluate(
         samples: Cases of each sample (uniform in the domain, and as the planner meets them).
         out: Folder for evaluation.json, evaluation.md and plots; only printed without it.
         seed: Seed of the cases.
-        progress: Draw a progress bar.
+        progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
     from tdcr_planner.cli.progress import StageBar
     from tdcr_planner.learning.evaluate import evaluate_model

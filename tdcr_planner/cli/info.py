@@ -11,7 +11,6 @@ import tyro
 if TYPE_CHECKING:
     from tdcr_planner.planning.scenario import Goal, Scenario
     from tdcr_planner.robot import RobotSpec
-    from tdcr_planner.shape.card import ModelCard
     from tdcr_planner.sweep.suite import Suite
 
 
@@ -29,7 +28,7 @@ def info(file: tyro.conf.Positional[Path]) -> int:
     if file.suffix == ".pt":
         from tdcr_planner.shape.learned import load_shape_model
 
-        print(_describe_model(load_shape_model(file).card))
+        print(load_shape_model(file).card.describe())
     elif file.suffix == ".json":
         from tdcr_planner.cli.plan import describe
         from tdcr_planner.report.results import read_result
@@ -78,36 +77,6 @@ def _describe_robot(robot: RobotSpec) -> str:
         ]
     lines.append(f"moving weight {1e3 * weight:.2f} g, of which {1e3 * robot.tip.mass_kg:g} g payload")
     return "\n".join(lines)
-
-
-def _describe_model(card: ModelCard) -> str:
-    """Returns a model's card with its errors as a table: a row a quantity, median, 99th percentile and largest."""
-    domain, bound = card.domain, card.error_bound
-    lines = [
-        f"shape model ({card.network}) of robot {card.robot.name!r}, mechanics {card.robot_mechanics_hash[:12]}",
-        "domain: tensions from 0 to " + ", ".join(f"{limit:g}" for limit in domain.max_tension_n) + " N",
-        f"  gravity to {domain.gravity_m_s2:g} m/s^2 and tip force to {domain.tip_force_n:g} N, in any direction",
-    ]
-    for accuracy in card.accuracy:
-        title = f"errors on {accuracy.cases:,} unseen cases, {accuracy.sample}"
-        lines.append(f"{title:<40}{'median':>12}{'99 %':>12}{'largest':>12}")
-        for quantity, unit in (("position", "mm"), ("rotation", "deg"), ("residual", "nm")):
-            values = [accuracy.overall.get(f"{quantity}_{which}_{unit}") for which in ("median", "p99", "max")]
-            cells = "".join(f"{'-' if value is None else format(value, '.3g'):>12}" for value in values)
-            lines.append(f"  {quantity + ' (' + ('N m' if unit == 'nm' else unit) + ')':<38}{cells}")
-    lines += [
-        f"error bound, exceeded by at most {bound.alpha:g} of cases:",
-        f"  {1e3 * bound.disk_m[-1]:.3g} mm at the tip, {1e3 * max(bound.disk_m):.3g} mm at most",
-    ]
-    measured = card.calibration
-    if measured is not None:
-        lines += [
-            f"calibrated on {measured.shapes} measured shapes of {measured.measured_file}:",
-            f"  stiffness times {measured.stiffness_scale:.4g}, "
-            f"rms {measured.rms_before_mm:.3g} mm to {measured.rms_after_mm:.3g} mm",
-        ]
-    made = [f"{name} {version}" for name, version in card.libraries.items()]
-    return "\n".join([*lines, *wrap("made with " + ", ".join(made), 79, subsequent_indent="  ")])
 
 
 def _describe_suite(suite: Suite) -> str:

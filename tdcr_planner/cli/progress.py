@@ -1,4 +1,4 @@
-"""Progress bars of the command line: drawn on a standard error that is a terminal, and nowhere else."""
+"""Progress of the command line on standard error: bars on a terminal, elsewhere a line now and then for a count."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from tqdm import tqdm
 
 _COUNTED = "{desc}: {bar} {n_fmt} of {total_fmt}, {elapsed} gone, {remaining} left {postfix}"
 _TIMED = "{desc}: {bar} {n:.1f} of {total:.0f} s {postfix}"
+# A log of an hour's training stays within what a person reads.
+LINE_EVERY_S = 30.0
 
 
 @contextmanager
@@ -73,7 +75,30 @@ class _Bar:
         self._bar.update(done - self._bar.n)
 
 
-class CountBar(_Bar):
+class _Counter(_Bar):
+    """A bar of steps done out of a total; where nothing can be drawn, a line at a stage's start and now and then."""
+
+    def __init__(self, *, shown: bool) -> None:
+        super().__init__(shown=shown)
+        self._lines = shown and not self._shown
+        self._stage = ""
+        self._began_s = self._last_line_s = 0.0
+
+    def _count(self, stage: str, done: int, total: int, remark: str) -> None:
+        begins = self._bar is None or stage != self._stage
+        if begins:
+            self._stage = stage
+            self._began_s = time.perf_counter()
+            self._open(stage, total, _COUNTED, initial=done)
+        self._move(done, remark)
+        if self._lines and (begins or time.perf_counter() - self._last_line_s >= LINE_EVERY_S):
+            self._last_line_s = time.perf_counter()
+            gone = tqdm.format_interval(self._last_line_s - self._began_s)
+            parts = [f"{done} of {total}", *([] if begins else [f"{gone} gone"]), *([remark] if remark else [])]
+            print(f"{stage}: {', '.join(parts)}", file=sys.stderr, flush=True)
+
+
+class CountBar(_Counter):
     """A bar of things done out of a total, with an estimate of the time left."""
 
     def __init__(self, title: str, *, shown: bool = True) -> None:
@@ -81,32 +106,26 @@ class CountBar(_Bar):
 
         Args:
             title: What is being done.
-            shown: False draws nothing.
+            shown: False draws and prints nothing.
         """
         super().__init__(shown=shown)
         self._title = title
 
     def update(self, done: int, total: int, remark: str) -> None:
         """Moves the bar and shows a remark. The first call says what an earlier run has done: no part of the pace."""
-        if self._bar is None:
-            self._open(self._title, total, _COUNTED, initial=done)
-        self._move(done, remark)
+        self._count(self._title, done, total, remark)
 
 
-class StageBar(_Bar):
+class StageBar(_Counter):
     """A count bar for work in stages: each begins another bar, with the time left in that stage."""
 
     def __init__(self, *, shown: bool = True) -> None:
-        """Prepares the bar; it draws nothing when `shown` is false."""
+        """Prepares the bar; it draws and prints nothing when `shown` is false."""
         super().__init__(shown=shown)
-        self._stage = ""
 
     def update(self, stage: str, done: int, total: int, remark: str) -> None:
         """Moves the bar: `done` of `total` steps of a stage. What a stage begins with is no part of its pace."""
-        if self._bar is None or stage != self._stage:
-            self._stage = stage
-            self._open(stage, total, _COUNTED, initial=done)
-        self._move(done, remark)
+        self._count(stage, done, total, remark)
 
 
 class TimeBar(_Bar):

@@ -41,7 +41,7 @@ def robustness(
         mass: Of backbone, disks and payload, one factor for all, relative.
         base_position_mm: Of the base's position, each axis, mm.
         base_angle_deg: Of the base's orientation, about each axis, degrees.
-        progress: Draw a progress bar.
+        progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
     from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.errors import FormatError

@@ -36,7 +36,7 @@ def train(
         log: Folder for TensorBoard logs; none without it.
         jobs: Processes that solve the cases; without it this one does, with the threads of the configuration.
         scheduler: Address of a Dask scheduler whose workers solve the cases instead, such as tcp://127.0.0.1:8786.
-        progress: Draw a progress bar.
+        progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
     from tdcr_planner.cli.backend import choose_backend
     from tdcr_planner.cli.progress import StageBar

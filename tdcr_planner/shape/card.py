@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -131,26 +132,30 @@ class ModelCard(FileModel):
         return self
 
     def describe(self) -> str:
-        """Returns the card as text for people."""
-        bound, domain = self.error_bound, self.domain
-        tensions = ", ".join(f"{limit:g}" for limit in domain.max_tension_n)
+        """Returns the card for a terminal, with its errors as a table: median, 99th percentile and largest."""
+        domain, bound = self.domain, self.error_bound
         lines = [
             f"shape model ({self.network}) of robot {self.robot.name!r}, mechanics {self.robot_mechanics_hash[:12]}",
-            f"domain: tensions 0 to {tensions} N; gravity 0 to {domain.gravity_m_s2:g} m/s^2 and tip force 0 to "
-            f"{domain.tip_force_n:g} N in any direction",
+            "domain: tensions from 0 to " + ", ".join(f"{limit:g}" for limit in domain.max_tension_n) + " N",
+            f"  gravity to {domain.gravity_m_s2:g} m/s^2 and tip force to {domain.tip_force_n:g} N, in any direction",
         ]
         for accuracy in self.accuracy:
-            overall = ", ".join(f"{name} {value:.3g}" for name, value in accuracy.overall.items())
-            lines.append(f"errors on {accuracy.cases} held-out cases ({accuracy.sample}): {overall}")
-        lines.append(
-            f"error bound (exceeded by at most {bound.alpha:g} of cases): "
-            f"{1e3 * bound.disk_m[-1]:.3g} mm at the tip, {1e3 * max(bound.disk_m):.3g} mm at most"
-        )
-        if self.calibration is not None:
-            lines.append(
-                f"calibrated on {self.calibration.shapes} measured shapes of {self.calibration.measured_file}: "
-                f"stiffness times {self.calibration.stiffness_scale:.4g}, rms {self.calibration.rms_before_mm:.3g} mm "
-                f"to {self.calibration.rms_after_mm:.3g} mm"
-            )
-        lines.append("made with " + ", ".join(f"{name} {version}" for name, version in self.libraries.items()))
-        return "\n".join(lines)
+            title = f"errors on {accuracy.cases:,} unseen cases, {accuracy.sample}"
+            lines.append(f"{title:<40}{'median':>12}{'99 %':>12}{'largest':>12}")
+            for quantity, unit in (("position", "mm"), ("rotation", "deg"), ("residual", "nm")):
+                values = [accuracy.overall.get(f"{quantity}_{which}_{unit}") for which in ("median", "p99", "max")]
+                cells = "".join(f"{'-' if value is None else format(value, '.3g'):>12}" for value in values)
+                lines.append(f"  {quantity + ' (' + ('N m' if unit == 'nm' else unit) + ')':<38}{cells}")
+        lines += [
+            f"error bound, exceeded by at most {bound.alpha:g} of cases:",
+            f"  {1e3 * bound.disk_m[-1]:.3g} mm at the tip, {1e3 * max(bound.disk_m):.3g} mm at most",
+        ]
+        measured = self.calibration
+        if measured is not None:
+            lines += [
+                f"calibrated on {measured.shapes} measured shapes of {measured.measured_file}:",
+                f"  stiffness times {measured.stiffness_scale:.4g}, "
+                f"rms {measured.rms_before_mm:.3g} mm to {measured.rms_after_mm:.3g} mm",
+            ]
+        made = [f"{name} {version}" for name, version in self.libraries.items()]
+        return "\n".join([*lines, *wrap("made with " + ", ".join(made), 79, subsequent_indent="  ")])

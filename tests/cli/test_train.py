@@ -29,12 +29,17 @@ cases = 300
     return path
 
 
-def test_processes_train_the_same_model(root: Path, config: Path, tmp_path: Path) -> None:
+def test_processes_train_the_same_model(
+    root: Path, config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     robot, models = root / "models/robots/inspection.toml", []
     for name, options in (("here", []), ("there", ["--jobs", "1"])):
         out = tmp_path / f"{name}.pt"
         assert run(["train", str(robot), "--config", str(config), "--out", str(out), *options]) == 0
         models.append(load_shape_model(out))
+    printed = capsys.readouterr()
+    assert models[1].card.describe() in printed.out
+    assert [line.split(":")[0] for line in printed.err.splitlines()].count("training") == 2
     for name in ("domain", "training", "libraries"):
         assert getattr(models[0].card, name) == getattr(models[1].card, name)
     weights = [model.torch_module.state_dict() for model in models]
