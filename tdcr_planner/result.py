@@ -56,6 +56,14 @@ class PlanResult:
     hashes: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Returns how the query ended and what the reference says; scenario and path are too long to read."""
+        path = "None" if self.path is None else f"<{len(self.path)} states>"
+        return (
+            f"PlanResult(status={self.status.value!r}, message={self.message!r}, scenario={str(self.scenario.path)!r}, "
+            f"seed={self.seed}, path={path}, verification={self.verification!r}, repairs={self.repairs})"
+        )
+
 
 @cache
 def _library_versions() -> tuple[tuple[str, str], ...]:

@@ -63,6 +63,14 @@ class VerificationReport:
     cause: str = ""
     worst_state: int = 0
 
+    def __repr__(self) -> str:
+        """Returns the verdict and the worst values; the arrays of a path are too long to read."""
+        worst = ", ".join(f"{name}: {value:.3g}" for name, value in self.worst.items())
+        return (
+            f"VerificationReport(verified={self.verified}, states={self.states}, worst={{{worst}}}, "
+            f"message={self.message!r})"
+        )
+
     @property
     def states(self) -> int:
         """Number of states k."""

@@ -59,6 +59,14 @@ def test_a_free_path_is_verified_at_states_no_farther_apart_than_the_step(verifi
     assert report.states == len(states.rows) == len(report.clearance)
 
 
+def test_a_report_is_printed_in_a_line(verifier_at: Callable[..., Verifier]) -> None:
+    report, states = verifier_at(0.3).verify(PATH)
+    text = repr(report)
+    assert text.startswith(f"VerificationReport(verified=True, states={len(states.rows)}, worst={{residual_nm: ")
+    assert f"clearance_m: {states.clearance.min():.3g}" in text
+    assert len(text) < 200
+
+
 def test_the_state_with_too_little_clearance_is_named(verifier_at: Callable[..., Verifier]) -> None:
     verifier = verifier_at(0.08)
     report, _ = verifier.verify(PATH)
