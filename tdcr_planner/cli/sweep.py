@@ -36,7 +36,7 @@ def sweep(
         jobs: Queries at a time on this machine; the number of its processors without it.
         scheduler: Address of a Dask scheduler whose workers run the queries instead, such as tcp://127.0.0.1:8786.
         retry_failed: Run queries again that failed in an earlier run.
-        progress: Draw a progress bar.
+        progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
     from tdcr_planner.cli.backend import choose_backend
     from tdcr_planner.cli.progress import CountBar
@@ -70,8 +70,9 @@ def describe(outcome: SweepOutcome) -> str:
     for group in group_rows(joined_rows(outcome), ("planner", "model")):
         rate, median = group["verified"], group["quantiles"]["plan_s"]["median"]
         time = "" if median is None else f", median planning time {median:.2f} s"
+        others = "".join(f", {count} {name}" for name, count in group["statuses"].items() if name != "verified")
         lines.append(
             f"verified: {group['planner']}, {group['model']}: {rate['count']} of {rate['total']} "
-            f"({100 * rate['low']:.0f} to {100 * rate['high']:.0f} %){time}"
+            f"({100 * rate['low']:.0f} to {100 * rate['high']:.0f} %){others}{time}"
         )
     return "\n".join(lines)

@@ -11,7 +11,8 @@ from tdcr_planner.files import sha256_of_file, write_folder_whole
 from tdcr_planner.report.ompl_log import write_ompl_logs
 from tdcr_planner.report.sweep_plots import write_sweep_plots
 from tdcr_planner.report.tables import Row, format_markdown, write_csv, write_parquet
-from tdcr_planner.session import library_versions
+from tdcr_planner.session import PlanStatus, library_versions
+from tdcr_planner.sweep.job import FAILED
 from tdcr_planner.sweep.runner import SweepOutcome
 from tdcr_planner.sweep.table import (
     GROUPINGS,
@@ -24,6 +25,13 @@ from tdcr_planner.sweep.table import (
 )
 
 SUMMARY_FORMAT = "tdcr-sweep-summary/1"
+# Columns of summary.md for the jobs that are not verified, and the statuses that each counts.
+ENDINGS = {
+    "unverified": (PlanStatus.UNVERIFIED,),
+    "no path": (PlanStatus.NO_PATH,),
+    "invalid": (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL),
+    "failed": (FAILED,),
+}
 
 
 def write_sweep(outcome: SweepOutcome, folder: str | Path) -> Path:
@@ -89,12 +97,16 @@ def format_summary(outcome: SweepOutcome, rows: Sequence[Row]) -> str:
     state = "" if outcome.complete else f" (incomplete: {outcome.interrupted or 'jobs are left'})"
     parts = [f"# {suite.title}\n\n{len(outcome.records)} of {len(suite.jobs)} jobs{state}\n"]
     for by in reversed(GROUPINGS):
-        header = [*by, "jobs", "verified", "95 % interval", "unverified", "failed", "plan s", "p90", "tip travel mm"]
+        header = [*by, "jobs", "verified", "95 % interval", *ENDINGS, "plan s", "p90", "tip travel mm"]
         body = [
             [*(str(group[name]) for name in by), *_summary_cells(group)]
             for group in _ordered(suite, group_rows(rows, by))
         ]
         parts.append(format_markdown(header, body))
+    parts.append(
+        "Verified and the columns from unverified to failed add up to the jobs; invalid counts those that ended "
+        "invalid_start or invalid_goal.\n"
+    )
     parts.append(
         "Times and lengths are medians over the verified paths, p90 the 90th percentile of the planning time.\n"
     )
@@ -114,8 +126,7 @@ def _summary_cells(group: Row) -> list[str]:
         str(group["jobs"]),
         f"{verified['count']} ({100 * verified['value']:.0f} %)",
         f"{100 * verified['low']:.0f} to {100 * verified['high']:.0f} %",
-        str(group["statuses"].get("unverified", 0)),
-        str(group["failed"]),
+        *(str(sum(group["statuses"].get(status, 0) for status in ending)) for ending in ENDINGS.values()),
         _cell(spread["plan_s"]["median"]),
         _cell(spread["plan_s"]["p90"]),
         _cell(spread["tip_travel_m"]["median"], 1e3, 0),

@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 
 from tdcr_planner.cli.main import run
+from tdcr_planner.cli.sweep import describe
 from tdcr_planner.planning.scenario import Scenario
+from tdcr_planner.sweep.runner import SweepOutcome
+from tdcr_planner.sweep.suite import load_suite
 
 
 @pytest.fixture
@@ -32,6 +35,14 @@ def test_sweeps_writes_a_report_and_goes_on(suite: Path, tmp_path: Path, capsys:
     assert run(["sweep", str(suite), "--out", str(out), "--jobs", "1"]) == 0
     assert "2 of 2 jobs, 2 of them in an earlier run" in capsys.readouterr().out
     assert (out / "results.csv").read_bytes() == before
+
+
+def test_the_terminal_says_how_the_other_queries_ended(suite: Path) -> None:
+    records = {
+        0: {"status": "invalid_goal", "result": {}, "timing": {}},
+        1: {"status": "no_path", "result": {}, "timing": {}},
+    }
+    assert "0 of 2 (0 to 84 %), 1 invalid_goal, 1 no_path" in describe(SweepOutcome(load_suite(suite), records, 0))
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pyarrow.parquet
 import pytest
 
 from tdcr_planner.report.sweep_results import write_sweep
+from tdcr_planner.session import PlanStatus
 from tdcr_planner.sweep.runner import SweepOutcome
 from tdcr_planner.sweep.suite import load_suite
 from tdcr_planner.sweep.table import RESULT_COLUMNS, TIMING_COLUMNS, joined_rows
@@ -93,6 +94,19 @@ def test_summary_says_what_is_missing_and_failed(outcome, tmp_path):
     assert not summary["complete"]
     assert summary["finished"] == 5
     assert "5 of 6 jobs (incomplete: interrupted)" in (tmp_path / "out" / "summary.md").read_text()
+
+
+def test_every_row_of_the_summary_adds_up_to_its_jobs(outcome, tmp_path):
+    for index, status in enumerate((*PlanStatus, "failed")):
+        outcome.records[index] = {"status": status, "result": {}, "timing": {"message": ""}}
+    write_sweep(outcome, tmp_path / "out")
+    lines = (tmp_path / "out" / "summary.md").read_text().splitlines()
+    table = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
+    rows = [dict(zip(table[0], cells, strict=True)) for cells in table[2:4]]
+    endings = ("verified", "unverified", "no path", "invalid", "failed")
+    counts = [[int(row[name].split()[0]) for name in endings] for row in rows]
+    assert counts == [[1, 1, 1, 0, 0], [0, 0, 0, 2, 1]]
+    assert [row["jobs"] for row in rows] == ["3", "3"]
 
 
 def test_plots_are_written_and_not_empty(outcome, tmp_path):
