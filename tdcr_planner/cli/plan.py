@@ -62,6 +62,8 @@ def plan(
     write_result(result, out)
     print(describe(result))
     print(f"files:     {out}/result.json trajectory.csv path.png path.html shapes.npz")
+    if result.path is None:
+        print("           (no path: trajectory.csv and shapes.npz are empty)")
     return 0 if result.status is PlanStatus.VERIFIED else 1
 
 
