@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tyro
 
 from tdcr_planner.cli.vectors import parse_vector
 from tdcr_planner.errors import InputError
+
+if TYPE_CHECKING:
+    from tdcr_planner.statics.solver import RodSolution
 
 
 def solve(
@@ -23,9 +27,8 @@ def solve(
     """Solve one shape with the Cosserat reference and print or write its disk poses.
 
     Example: tdcr solve models/robots/inspection.toml --bending-n 1.5,0
-    --gravity=0,0,-9.81
+    --gravity 0,0,-9.81
 
-    A value that begins with a minus needs the equals sign: --gravity=-9.81,0,0.
     Exit code 1 when the reference finds no shape.
 
     Args:
@@ -33,7 +36,7 @@ def solve(
         bending_n: Bending vector in N, X,Y for each segment, base to tip, separated by commas.
         gravity: Gravity x,y,z in m/s^2, base frame.
         tip_force: Force x,y,z in N on the last disk, base frame.
-        out: File to write, .json or .npz; printed as JSON without it.
+        out: File to write, .json or .npz; without it printed as JSON, with a summary on standard error.
     """
     import numpy as np
 
@@ -76,15 +79,23 @@ def solve(
         content.update(positions_m=None, rotations=None)
     if out is None:
         print(json.dumps(content, indent=1))
+        print(_summary(solution), file=sys.stderr)
     else:
         with write_file_whole(out) as temporary:
             if out.suffix == ".json":
                 temporary.write_text(json.dumps(content), encoding="utf-8")
             else:
                 np.savez(temporary, **arrays)
-        print(f"{out}: {content['status']}, tip at {_format_tip(solution.positions[0, -1])}")
+        print(f"{out}: {_summary(solution)}")
     return 0 if bool(solution.converged[0]) else 1
 
 
-def _format_tip(position: Any) -> str:
-    return "({:.2f}, {:.2f}, {:.2f}) mm".format(*(1e3 * position))
+def _summary(solution: RodSolution) -> str:
+    """Returns where the first case's tip is and how far its shape can be trusted, in one line."""
+    import numpy as np
+
+    residual = f"residual {solution.residual[0]:.1e} N m"
+    if not solution.converged[0]:
+        return f"no shape: {solution.status[0]}, {residual}"
+    tip = "({:.2f}, {:.2f}, {:.2f})".format(*(np.round(1e3 * solution.positions[0, -1], 2) + 0.0))
+    return f"tip {tip} mm, converged, {'stable' if solution.stable[0] else 'not stable'}, {residual}"

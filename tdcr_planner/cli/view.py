@@ -40,7 +40,7 @@ def view(
     from tdcr_planner.errors import FormatError
     from tdcr_planner.files import write_file_whole
     from tdcr_planner.planning.scenario import load_scenario
-    from tdcr_planner.report.export import export_picture
+    from tdcr_planner.report.export import check_export, export_picture
     from tdcr_planner.report.picture import gather_picture, gather_scenario_picture
     from tdcr_planner.report.results import read_result
     from tdcr_planner.report.scene_html import write_html
@@ -48,6 +48,9 @@ def view(
     if live:
         return _view_live(file, port, open_browser)
     result = None
+    has_result = file.suffix != ".toml"
+    for target in export:
+        check_export(target, has_result=has_result, name="--export")
     if file.suffix == ".toml":
         picture = gather_scenario_picture(load_scenario(file))
         page = out or Path(f"{file.stem}.html")

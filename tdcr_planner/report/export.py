@@ -27,6 +27,31 @@ from tdcr_planner.session import PlanResult
 TRAJECTORY_FORMAT = "tdcr-trajectory/1"
 
 
+PICTURE_ENDINGS = (".png", ".glb", ".gif", ".mp4")
+RESULT_ENDINGS = (".json", ".csv", ".npz")
+
+
+def check_export(file: str | Path, *, has_result: bool, name: str = "file") -> None:
+    """Checks that a file can be exported, before anything is written.
+
+    Args:
+        file: The file's name.
+        has_result: Whether there is an answer to a query to take a trajectory from.
+        name: What the caller calls the argument, for the message.
+
+    Raises:
+        InputError: An ending that no export has, or one that needs a result where there is none.
+        FormatError: An MP4 where there is no ffmpeg.
+    """
+    target = Path(file)
+    endings = PICTURE_ENDINGS + (RESULT_ENDINGS if has_result else ())
+    if target.suffix.lower() not in endings:
+        what = "" if has_result else " (a scenario has no trajectory)"
+        raise InputError(name, f"a name that ends in {', '.join(endings)}{what}", repr(target.name))
+    if target.suffix.lower() == ".mp4" and not shutil.which("ffmpeg"):
+        raise FormatError(target, "an MP4 needs ffmpeg on the PATH; a .gif does not")
+
+
 def export_picture(picture: Picture, file: str | Path, result: PlanResult | None = None) -> None:
     """Writes what a picture shows in the format that the file's ending names, whole or not at all.
 
@@ -39,8 +64,7 @@ def export_picture(picture: Picture, file: str | Path, result: PlanResult | None
         InputError: Another ending, or one that needs a result where there is none.
         FormatError: The file cannot be written, or there is no ffmpeg for an MP4.
     """
-    target = Path(file)
-    ending = target.suffix.lower()
+    check_export(file, has_result=result is not None)
     writers: dict[str, Callable[[Path], None]] = {
         ".png": lambda path: write_png(picture, path),
         ".glb": lambda path: write_glb(picture, path),
@@ -51,13 +75,8 @@ def export_picture(picture: Picture, file: str | Path, result: PlanResult | None
         writers[".json"] = lambda path: write_trajectory_json(result, path)
         writers[".csv"] = lambda path: write_trajectory_csv(result, path)
         writers[".npz"] = lambda path: write_shapes(result, path)
-    if ending not in writers:
-        what = "" if result is not None else " (a scenario has no trajectory)"
-        raise InputError("file", f"a name that ends in {', '.join(writers)}{what}", repr(target.name))
-    if ending == ".mp4" and not shutil.which("ffmpeg"):
-        raise FormatError(target, "an MP4 needs ffmpeg on the PATH; a .gif does not")
-    with write_file_whole(target) as temporary:
-        writers[ending](temporary)
+    with write_file_whole(file) as temporary:
+        writers[Path(file).suffix.lower()](temporary)
 
 
 def write_trajectory_json(result: PlanResult, file: str | Path) -> None:

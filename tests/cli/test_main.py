@@ -47,12 +47,18 @@ def test_wrong_arguments_exit_with_2(arguments: list[str], capsys: pytest.Captur
 def test_solve_prints_the_reference_as_json(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = root / "models/robots/inspection.toml"
     assert run(["solve", str(file), "--bending-n", "-1.5,0.5", "--gravity", "-9.81,0,0"]) == 0
-    content = json.loads(capsys.readouterr().out)
+    printed = capsys.readouterr()
+    content = json.loads(printed.out)
     robot = load_robot(file)
     expected = solve_statics(robot, robot.tensions_from_bending([[[-1.5, 0.5]]]), gravity=[-9.81, 0, 0])
     np.testing.assert_array_equal(content["positions_m"], expected.positions[0])
     np.testing.assert_array_equal(content["rotations"], expected.rotations[0])
     assert content["converged"] is True
+    (line,) = printed.err.splitlines()
+    tip = [float(value) for value in line[line.index("(") + 1 : line.index(")")].split(",")]
+    np.testing.assert_allclose(tip, 1e3 * expected.positions[0, -1], atol=0.005)
+    assert line.startswith("tip (")
+    assert " mm, converged, stable, residual " in line
 
 
 @pytest.mark.parametrize("name", ["shape.npz", "shape.json"])
@@ -66,8 +72,10 @@ def test_solve_writes_a_file(root: Path, tmp_path: Path, name: str) -> None:
 def test_solve_says_when_there_is_no_shape(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = root / "models/robots/paper.toml"
     code = run(["solve", str(file), "--bending-n", "0,0", "--tip-force", "1e9,0,0"])
-    content = json.loads(capsys.readouterr().out)
+    printed = capsys.readouterr()
+    content = json.loads(printed.out)
     assert code == 1
+    assert printed.err.startswith(f"no shape: {content['status']}, residual ")
     assert content["positions_m"] is None
     assert content["status"] != "converged"
 

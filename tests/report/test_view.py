@@ -2,6 +2,7 @@ import webbrowser
 
 import pytest
 
+from tdcr_planner.cli.main import run
 from tdcr_planner.cli.view import view
 from tdcr_planner.errors import FormatError
 from tdcr_planner.report.results import write_result
@@ -70,6 +71,14 @@ def test_what_is_no_result_is_refused(tmp_path):
         view(tmp_path / "mesh.stl")
     with pytest.raises(FormatError, match="no such file"):
         view(tmp_path / "result.json")
+
+
+def test_an_export_that_no_writer_has_is_refused_before_anything_is_written(make_scenario, tmp_path, capsys):
+    page, scenario = tmp_path / "out" / "page.html", make_scenario("paper").path
+    command = ["view", str(scenario), "--out", str(page), "--no-open-browser", "--export", str(tmp_path / "x.stp")]
+    assert run(command) == 2
+    assert capsys.readouterr().err.startswith("error: --export: expected a name that ends in .png, .glb, .gif, .mp4 (a")
+    assert not page.parent.exists()
 
 
 def test_an_output_folder_that_is_a_file_is_refused(make_scenario, tmp_path):
