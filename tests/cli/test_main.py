@@ -96,7 +96,7 @@ def test_solve_says_when_there_is_no_shape(root: Path, capsys: pytest.CaptureFix
             "--out: expected a file ending in .json or .npz",
         ),
         (["plan", "none.toml", "--out", "{tmp}/x"], "none.toml: no such file"),
-        (["plan", "{paper}", "--out", "{tmp}/x"], "format: input should be 'tdcr-scenario/1', got 'tdcr-robot/1'"),
+        (["plan", "{paper}", "--out", "{tmp}/x"], "format: is a tdcr-robot/1 file, expected tdcr-scenario/1"),
         (["verify", "none.json"], "none.json: no such file"),
         (["view", "none.json"], "none.json: no such file"),
         (["info", "{readme}"], "expected a file ending in .toml, .pt, .json or .npz, got '.md'"),
