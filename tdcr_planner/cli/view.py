@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import webbrowser
+from dataclasses import replace
 from pathlib import Path
 
 import tyro
@@ -20,6 +21,8 @@ def view(
     port: int = 8080,
 ) -> int:
     """Write the HTML of a result or a scenario and open it in a browser.
+
+    For a scenario it also says whether the start is valid, with its clearance or what it touches.
 
     Example: tdcr view out/elbow/result.json --export elbow.gif elbow.glb
 
@@ -37,11 +40,11 @@ def view(
             the robot touches is shown in place.
         port: Port of the live viewer.
     """
-    from tdcr_planner.errors import FormatError
+    from tdcr_planner.errors import FormatError, TdcrError
     from tdcr_planner.files import write_file_whole
     from tdcr_planner.planning.scenario import load_scenario
     from tdcr_planner.report.export import check_export, export_picture
-    from tdcr_planner.report.picture import gather_picture, gather_scenario_picture
+    from tdcr_planner.report.picture import gather_picture, gather_scenario_picture, with_start_checked
     from tdcr_planner.report.results import read_result
     from tdcr_planner.report.scene_html import write_html
 
@@ -53,6 +56,10 @@ def view(
         check_export(target, has_result=has_result, name="--export")
     if file.suffix == ".toml":
         picture = gather_scenario_picture(load_scenario(file))
+        try:
+            picture = with_start_checked(picture)
+        except TdcrError as error:  # the picture may show what is wrong with the scene
+            picture = replace(picture, message=f"start: not checked, {error}")
         page = out or Path(f"{file.stem}.html")
     elif file.suffix == ".json" or file.is_dir():
         result = read_result(file)
@@ -63,6 +70,8 @@ def view(
     with write_file_whole(page) as temporary:
         write_html(picture, temporary)
     print(page)
+    if result is None:
+        print(picture.message)
     for target in export:
         export_picture(picture, target, result)
         print(target)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from tdcr_planner.collision.meshes import read_triangles
 from tdcr_planner.errors import FormatError
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.planning.validity import planning_margins
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import transform_points
 
@@ -76,6 +77,7 @@ class Picture:
         clearance: Shape (k,), m; NaN where it is not known.
         deviation: Between reference and shape model, shape (k,), m; NaN where it is not known.
         has_path: False when the only state is the start.
+        contact: Where the start touches something, shape (3,), m, world frame; None where it does not or nobody asked.
     """
 
     title: str
@@ -95,6 +97,7 @@ class Picture:
     clearance: FloatArray
     deviation: FloatArray
     has_path: bool
+    contact: FloatArray | None = None
 
     @property
     def robot(self) -> RobotSpec:
@@ -184,6 +187,43 @@ def gather_scenario_picture(scenario: Scenario, status: str = "scenario", messag
         deviation=unknown,
         has_path=False,
     )
+
+
+def with_start_checked(picture: Picture) -> Picture:
+    """Returns the picture of a scenario with what the search would say of its start as message, and the contact marked.
+
+    The search asks its own shape model, whose shape is drawn beside the reference's.
+
+    Args:
+        picture: From `gather_scenario_picture`. The clearance told is that of the shape in it.
+
+    Raises:
+        FormatError: A mesh or the shape model cannot be used.
+        DomainError: The shape model does not know the scenario's loads.
+    """
+    from tdcr_planner.session import PlanningSession
+
+    session = PlanningSession(picture.scenario)
+    checker, start = session.checker(), picture.scenario.file.start
+    row = session.space.row(start.bending_n, start.insertion_m, start.roll_deg)
+    model_positions, _, solved = checker.world_poses(row[None])
+    clearance = np.full(1, np.nan)
+    if picture.known.all():
+        clearance = session.scene.clearance(picture.positions, picture.rotations)
+    told = f"clearance {1e3 * clearance[0]:.1f} mm" if np.isfinite(clearance[0]) else "clearance not known"
+    picture = replace(picture, clearance=clearance, model_positions=model_positions if solved.all() else None)
+    problem = checker.explain(row)
+    if not problem:
+        return replace(picture, message=f"start: valid, {told}")
+    shapes = checker.shapes(row[None])
+    contact = None
+    if shapes.codes[0] == 0:
+        contact = checker.scene.first_contact(shapes.positions[0], shapes.rotations[0])
+    if contact is not None and clearance[0] > 0.0:
+        kept = planning_margins(picture.scenario, checker.model).max()
+        problem += f" with the planner's margin of {1e3 * kept:.1f} mm; {told}"
+    point = None if contact is None or not np.isfinite(contact.point).all() else contact.point
+    return replace(picture, message=f"start: not valid, {problem}", contact=point)
 
 
 def reference_shapes(scenario: Scenario, rows: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -18,10 +18,11 @@ MAX_WALL_FACES = 60_000
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif"
 Trace = dict[str, Any]
 _MAX_RIM_CORNERS = 640
-# plotly's parallel projection shows a height of about 2.5 of its scene units when the eye is 1.6 away.
-_SHOWN_HEIGHT = 2.0
+# plotly's parallel projection shows a height of 2 of its scene units; a little is left free.
+_SHOWN_HEIGHT = 1.94
 # width to height of a scene over the whole width of a laptop's page
 _WIDE_AT_FULL = 2.1
+_VIEW_HEIGHT_PX = 700
 _SCENE_WIDTH = 0.63
 _WALL_SHADES = {"cavity": ("#5E7891", "#D5E2EE"), "obstacle": ("#7B6A56", "#E9E1D6")}
 _WALL_OPACITY = {"cavity": 0.30, "obstacle": 0.55}
@@ -31,13 +32,14 @@ _DISK_SHADES = ("#0F4C81", "#4C9AD6")
 def build_figure(picture: Picture, shown: IntArray) -> dict[str, Any]:
     """Returns the figure as plotly.js takes it, data, layout and frames, with arrays for its numbers.
 
-    Fixed traces come first, then those that each frame replaces.
+    Fixed traces come first, then those that each frame replaces. The layout's `meta` holds the width and the height
+    that the view must show, in plotly's scene units, for a page to fit it to another window.
 
     Args:
         picture: What is shown.
         shown: Indices of the states that become frames.
     """
-    camera = choose_camera(picture, 900, 700)
+    camera = choose_camera(picture, int(_VIEW_HEIGHT_PX * _WIDE_AT_FULL * _scene_share(picture)), _VIEW_HEIGHT_PX)
     fixed = [*_wall_traces(picture, camera), *_mark_traces(picture)]
     if picture.has_path:
         fixed += time_traces(picture)
@@ -110,6 +112,8 @@ def _mark_traces(picture: Picture) -> list[Trace]:
         traces.append(_worst_trace(picture, picture.worst_state))
     if len(tips):
         traces.append(_marker(tips[:1], "start", "circle-open", plots.INK, 7))
+    if picture.contact is not None:
+        traces.append(_marker(picture.contact[None], "contact of the start", "cross", plots.ALERT, 7))
     for number, goal in enumerate(picture.goals):
         name = "goal" if len(picture.goals) == 1 else f"goal {number + 1}"
         traces.append(_marker(goal.position[None], name, "diamond-open", plots.GOAL, 8))
@@ -199,7 +203,7 @@ def _layout(picture: Picture, camera: Camera) -> dict[str, Any]:
     shown = points_to_fit(picture, body_points(picture)) @ camera.rotation.T
     room = float(picture.robot.disk_radii.max())
     right, above = np.ptp(shown[:, :2], axis=0) + 2.0 * room
-    wide = _SCENE_WIDTH if picture.has_path else 1.0
+    wide = _scene_share(picture)
     scale = min(_SHOWN_HEIGHT / above, _SHOWN_HEIGHT * _WIDE_AT_FULL * wide / right)
     centre = scale * (camera.centre - 0.5 * (low + high))
     eye = centre + 1.6 * camera.rotation[2]
@@ -209,6 +213,7 @@ def _layout(picture: Picture, camera: Camera) -> dict[str, Any]:
         "plot_bgcolor": "white",
         "font": {"family": FONT, "size": 12, "color": plots.INK},
         "uirevision": "fixed",
+        "meta": {"right": scale * right * 2.0 / _SHOWN_HEIGHT, "above": scale * above * 2.0 / _SHOWN_HEIGHT},
         "hovermode": "closest",
         "legend": {
             "x": 0.0,
@@ -236,6 +241,11 @@ def _layout(picture: Picture, camera: Camera) -> dict[str, Any]:
         },
     }
     return layout | time_layout(picture) if picture.has_path else layout
+
+
+def _scene_share(picture: Picture) -> float:
+    """Part of the page's width that the scene takes: all of it where there are no curves."""
+    return _SCENE_WIDTH if picture.has_path else 1.0
 
 
 def _bounds(picture: Picture) -> tuple[FloatArray, FloatArray]:

@@ -33,7 +33,6 @@ def render_html(picture: Picture) -> str:
     figure = build_figure(picture, shown) | {
         "config": {
             "displaylogo": False,
-            "responsive": True,
             "scrollZoom": True,
             "modeBarButtonsToRemove": ["select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
         }

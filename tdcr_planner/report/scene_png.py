@@ -72,6 +72,9 @@ def _draw_markers(axes: Axes, picture: Picture, camera: Camera) -> None:
         x, y, _ = camera.project(known[0, -1])
         axes.plot(x, y, "o", markersize=9, markerfacecolor="white", markeredgecolor=plots.INK, markeredgewidth=1.8)
         _label(axes, x, y, "start", plots.INK)
+    if picture.contact is not None:
+        x, y, _ = camera.project(picture.contact)
+        axes.plot(x, y, "X", markersize=11, color=plots.ALERT, markeredgecolor="white")
     for number, goal in enumerate(picture.goals):
         x, y, _ = camera.project(goal.position)
         axes.plot(x, y, "o", markersize=13, markerfacecolor="none", markeredgecolor="white", markeredgewidth=4.0)

@@ -12,6 +12,8 @@ from tdcr_planner.report.robot_mesh import Mesh, merge_meshes, simplify_mesh
 
 _ELEVATIONS_DEG = (8.0, 18.0, 30.0, 45.0, 62.0)
 _AZIMUTHS = 24
+# A view within this angle of a world axis, told on the horizon, shows flat walls and ribs edge-on.
+_OFF_AXIS_DEG = 15.0
 # So many of the best views are compared by how much of the robot obstacles hide.
 _LOOKED_THROUGH = 24
 # A scene of up to this many times the robot's reach is shown whole.
@@ -22,7 +24,8 @@ def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.0
     """Returns the camera under which the robot's states and goals fill much of the picture and are seen from the side.
 
     Up is against gravity (world z without gravity). Directions above the horizon are compared, each fitted to the robot
-    and to the scene about it; lower ones, and those in which obstacles hide little of the robot, are preferred.
+    and to the scene about it; lower ones, and those in which obstacles hide little of the robot, are preferred. None
+    looks along a world axis: each is turned at least 15 degrees about `up` away from them.
 
     Args:
         picture: What is shown.
@@ -38,7 +41,10 @@ def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.0
     candidates = []
     for elevation in _ELEVATIONS_DEG:
         for step in range(_AZIMUTHS):
-            camera = _fit(look_from(360.0 * step / _AZIMUTHS, elevation, up), few, width, height, margin)
+            rotation = look_from(360.0 * step / _AZIMUTHS, elevation, up)
+            if _along_an_axis(rotation, up):
+                continue
+            camera = _fit(rotation, few, width, height, margin)
             side_on = 1.0 - float(np.mean((tangents @ camera.rotation[2]) ** 2)) if len(tangents) else 1.0
             level = 1.0 - 0.3 * np.sin(np.deg2rad(elevation))
             area = _hull_area((body @ camera.rotation.T)[:, :2]) + 0.3 * _hull_area((few @ camera.rotation.T)[:, :2])
@@ -52,6 +58,17 @@ def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.0
         if open_score > best_score:
             best, best_score = rotation, open_score
     return _fit(best, fitted, width, height, margin)
+
+
+def _along_an_axis(rotation: FloatArray, up: FloatArray) -> bool:
+    """Returns whether a viewer's compass direction is that of a world axis, both seen on the horizon."""
+    right = rotation[0]
+    level = np.cross(right, up)
+    forward, aside = np.eye(3) @ level, np.eye(3) @ right
+    # an axis that points up has no compass direction
+    lying = np.hypot(forward, aside) > np.sin(np.deg2rad(_OFF_AXIS_DEG))
+    off_deg = np.rad2deg(np.arctan2(np.abs(aside), np.abs(forward)))
+    return bool((off_deg[lying] < _OFF_AXIS_DEG - 1e-6).any())
 
 
 def _hidden_share(camera: Camera, points: FloatArray, obstacles: Mesh) -> float:

@@ -108,8 +108,9 @@ def test_scene_and_robot_fit_into_their_part_of_the_page(picture):
     local = ((points - 0.5 * (low + high)) / (high - low) * ratio - centre) @ np.stack(
         [right, np.cross(towards, right)]
     ).T
-    assert np.abs(local[:, 1]).max() < 1.25  # half the height that a parallel projection shows
-    assert np.abs(local[:, 0]).max() < 1.25 * 840.0 / 590.0
+    assert max(np.abs(local[:, 1]).max(), np.abs(local[:, 0]).max() * 590.0 / 840.0) > 0.85
+    assert np.abs(local[:, 1]).max() < 1.0  # half the height that a parallel projection shows
+    assert np.abs(local[:, 0]).max() < 840.0 / 590.0
 
 
 def test_axes_of_the_curves_carry_their_units(picture):
@@ -262,3 +263,34 @@ def test_page_of_a_scenario_opens_without_a_fault(make_scenario, visit):
     assert report["faults"] == []
     assert report["answers"][0] > 300
     assert report["answers"][1] == "0"
+
+
+@pytest.mark.browser
+def test_page_fills_its_window_before_and_after_it_is_resized(picture, visit):
+    drawn = (
+        "(function () { const plot = document.getElementById('plot'), layer = plot.querySelector('.main-svg'),"
+        " scene = plot._fullLayout.scene._scene, shape = scene.glplot.shape;"
+        " const matrix = scene.glplot.cameraParams.projection, ratio = plot.layout.scene.aspectratio;"
+        " return [plot.clientWidth, plot.clientHeight, layer.clientWidth, layer.clientHeight,"
+        " document.querySelector('footer').getBoundingClientRect().bottom - document.body.clientHeight,"
+        " matrix[0] * shape[0] / shape[1], matrix[5], ratio.x, plot.layout.meta.right, plot.layout.meta.above,"
+        " shape[0] / shape[1]]; })()"
+    )
+    canvas = "document.querySelector('#plot .gl-container canvas')"
+    report = visit(
+        render_html(picture),
+        f"{canvas} && {drawn}",
+        "document.body.style.width = '700px'",
+        f"document.querySelector('#plot .main-svg').clientWidth < 700 && {drawn}",
+    )
+    assert report["faults"] == []
+    first = build_figure(picture, picture.frame_states(MAX_FRAMES))["layout"]["scene"]["aspectratio"]["x"]
+    for answer in (report["answers"][0], report["answers"][2]):
+        width, height, drawn_width, drawn_height, below, across, up, ratio, right, above, aspect = answer
+        assert (drawn_width, drawn_height) == (width, height)
+        assert abs(below) <= 1.0
+        assert (across, up) == pytest.approx((1.0, 1.0), rel=0.02)  # the view is 2 units high and as wide as its shape
+        # what must be seen just fills the width or the height
+        zoom = ratio / first
+        assert max(zoom * above / 2.0, zoom * right / (2.0 * aspect)) == pytest.approx(1.0, rel=0.02)
+    assert report["answers"][2][0] < report["answers"][0][0]

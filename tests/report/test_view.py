@@ -1,11 +1,17 @@
+import threading
 import webbrowser
 
+import numpy as np
 import pytest
+import trimesh
 
 from tdcr_planner.cli.main import run
 from tdcr_planner.cli.view import view
 from tdcr_planner.errors import FormatError
+from tdcr_planner.planning.scenario import load_scenario
+from tdcr_planner.report.picture import gather_scenario_picture, with_start_checked
 from tdcr_planner.report.results import write_result
+from tdcr_planner.report.scene_figure import build_figure
 
 
 @pytest.fixture
@@ -31,6 +37,46 @@ def test_view_of_a_scenario_writes_where_it_is_told(make_scenario, tmp_path, ope
     assert view(make_scenario("paper").path, out=page, open_browser=False) == 0
     assert page.stat().st_size > 1e6
     assert opened == []
+
+
+def test_view_of_a_scenario_says_that_the_start_is_valid(make_scenario, tmp_path, capsys):
+    scenario = make_scenario("paper")
+    page = tmp_path / "look.html"
+    assert view(scenario.path, out=page, open_browser=False) == 0
+    written, start = capsys.readouterr().out.splitlines()
+    assert written == str(page)
+    # straight along the axis of a pipe of 48 sides and 14 mm radius
+    widest = 1e3 * scenario.robot.disk_radii.max()
+    assert start == f"start: valid, clearance {14.0 * np.cos(np.pi / 48) - widest:.1f} mm"
+    assert start in page.read_text()
+
+
+def test_view_of_a_scenario_names_and_marks_what_the_start_touches(make_scenario, tmp_path, capsys):
+    scenario = make_scenario("paper")
+    ball = scenario.path.with_name("ball.stl")
+    mesh = trimesh.load_mesh(ball)
+    mesh.apply_translation([-35.0, -5.0, 0.5e3 * scenario.robot.length - 150.0 - 120.0 + 60.0])
+    mesh.export(ball)
+    assert view(scenario.path, out=tmp_path / "look.html", open_browser=False) == 0
+    start = capsys.readouterr().out.splitlines()[1]
+    assert start.startswith("start: not valid, obstacle: ")
+    assert "touches ball.stl" in start
+    marked = with_start_checked(gather_scenario_picture(load_scenario(scenario.path)))
+    _, distance, _ = trimesh.proximity.closest_point(mesh, 1e3 * marked.contact[None])
+    # within what the body and the ball have in common
+    assert distance[0] < 1e3 * scenario.robot.disk_radii.max()
+    names = [trace.get("name") for trace in build_figure(marked, marked.frame_states(1))["data"]]
+    assert "contact of the start" in names
+
+
+def test_view_shows_a_scene_whose_start_cannot_be_checked(make_scenario, tmp_path, monkeypatch, capsys):
+    def refuse(scenario):
+        raise FormatError(scenario.path, "no model for these loads")
+
+    monkeypatch.setattr("tdcr_planner.session.PlanningSession", refuse)
+    assert view(make_scenario("paper").path, out=tmp_path / "look.html", open_browser=False) == 0
+    assert "start: not checked" in capsys.readouterr().out
+    assert "no model for these loads" in (tmp_path / "look.html").read_text()
 
 
 def test_view_of_a_scenario_writes_into_the_current_folder(make_scenario, tmp_path, monkeypatch, opened):
@@ -88,8 +134,12 @@ def test_an_output_folder_that_is_a_file_is_refused(make_scenario, tmp_path):
 
 
 def test_the_live_viewer_runs_until_it_is_interrupted(make_scenario, monkeypatch, opened, capsys):
+    wait = threading.Event.wait
+
     def interrupt(self, timeout=None):
-        raise KeyboardInterrupt
+        if threading.current_thread() is threading.main_thread():
+            raise KeyboardInterrupt
+        return wait(self, timeout)
 
     stopped = []
 
