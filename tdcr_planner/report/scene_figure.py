@@ -113,7 +113,10 @@ def _mark_traces(picture: Picture) -> list[Trace]:
     if len(tips):
         traces.append(_marker(tips[:1], "start", "circle-open", plots.INK, 7))
     if picture.contact is not None:
-        traces.append(_marker(picture.contact[None], "contact of the start", "cross", plots.ALERT, 7))
+        # a cross in space, larger than the disks that would hide a marker
+        arms = 2.5 * picture.robot.disk_radii.max() * np.eye(3)
+        ends = np.stack([picture.contact - arms, picture.contact + arms, np.full((3, 3), np.nan)], axis=1)
+        traces.append({**_line(ends.reshape(-1, 3), "contact of the start", plots.ALERT, 6), "connectgaps": False})
     for number, goal in enumerate(picture.goals):
         name = "goal" if len(picture.goals) == 1 else f"goal {number + 1}"
         traces.append(_marker(goal.position[None], name, "diamond-open", plots.GOAL, 8))
