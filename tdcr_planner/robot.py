@@ -177,6 +177,24 @@ class RobotSpec(FileModel):
         """
         return RobotSpec.model_validate({**self.model_dump(), **(update or {})})
 
+    def scaled(self, *, stiffness: float = 1.0, mass: float = 1.0) -> RobotSpec:
+        """Returns a robot with all Young's moduli, and all masses (backbone, disks, payload), multiplied by factors."""
+
+        def rod(backbone: Backbone) -> Backbone:
+            changes = {
+                "youngs_modulus_pa": stiffness * backbone.youngs_modulus_pa,
+                "density_kg_m3": mass * backbone.density_kg_m3,
+            }
+            return backbone.model_copy(update=changes)
+
+        segments = []
+        for segment in self.segments:
+            own = None if segment.backbone is None else rod(segment.backbone)
+            changes = {"disk_mass_kg": mass * segment.disk_mass_kg, "backbone": own}
+            segments.append(segment.model_copy(update=changes))
+        tip = self.tip.model_copy(update={"mass_kg": mass * self.tip.mass_kg})
+        return self.model_copy(update={"backbone": rod(self.backbone), "segments": segments, "tip": tip})
+
     def __eq__(self, other: object) -> bool:
         # Pydantic compares what is cached too, and arrays have no single truth value.
         return isinstance(other, RobotSpec) and self.model_dump() == other.model_dump()

@@ -14,7 +14,7 @@ from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
 from tdcr_planner.rates import Rate, binomial_rate
-from tdcr_planner.robot import Backbone, RobotSpec
+from tdcr_planner.robot import RobotSpec
 from tdcr_planner.session import PlanningSession, PlanResult
 from tdcr_planner.verification import Verifier
 
@@ -236,31 +236,13 @@ def _draw(scenario: Scenario, tolerances: Tolerances, generator: np.random.Gener
     x, y, z, w = (Rotation.from_matrix(scenario.base_rotation) * tilt).as_quat()
     moved = base.model_copy(update={"position_m": tuple(position), "quaternion_wxyz": (w, x, y, z)})
     file = scenario.file.model_copy(update={"base": moved})
-    return _DrawnRobot(replace(scenario, file=file, robot=_vary(scenario.robot, stiffness, mass, gains.max())), gains)
+    robot = _with_limits_times(scenario.robot.scaled(stiffness=stiffness, mass=mass), max(float(gains.max()), 1.0))
+    return _DrawnRobot(replace(scenario, file=file, robot=robot), gains)
 
 
-def _vary(robot: RobotSpec, stiffness: float, mass: float, gain: float) -> RobotSpec:
-    """Returns a robot whose Young's moduli, masses and tension limits are multiplied by a factor each.
-
-    The limits follow the gains because they are limits of the drive: the commands keep them, whatever comes of them.
-    """
-
-    def rod(backbone: Backbone) -> Backbone:
-        changes = {
-            "youngs_modulus_pa": stiffness * backbone.youngs_modulus_pa,
-            "density_kg_m3": mass * backbone.density_kg_m3,
-        }
-        return backbone.model_copy(update=changes)
-
-    segments = tuple(
-        segment.model_copy(
-            update={
-                "disk_mass_kg": mass * segment.disk_mass_kg,
-                "max_tension_n": max(gain, 1.0) * segment.max_tension_n,
-                "backbone": None if segment.backbone is None else rod(segment.backbone),
-            }
-        )
-        for segment in robot.segments
-    )
-    tip = robot.tip.model_copy(update={"mass_kg": mass * robot.tip.mass_kg})
-    return robot.model_copy(update={"backbone": rod(robot.backbone), "segments": segments, "tip": tip})
+def _with_limits_times(robot: RobotSpec, gain: float) -> RobotSpec:
+    """Returns a robot whose tension limits are multiplied: they bind the commands, whatever tensions come of them."""
+    segments = [
+        segment.model_copy(update={"max_tension_n": gain * segment.max_tension_n}) for segment in robot.segments
+    ]
+    return robot.model_copy(update={"segments": segments})

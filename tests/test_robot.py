@@ -131,3 +131,17 @@ def test_a_copy_derives_its_own_arrays(paper_robot: RobotSpec) -> None:
     longer = paper_robot.model_copy(update={"segments": (segment,)})
     assert longer.arc_lengths[-1] == pytest.approx(0.3)
     assert longer.mechanics_hash != paper_robot.mechanics_hash
+
+
+def test_scaling_multiplies_every_modulus_and_every_mass_and_nothing_else(any_robot: RobotSpec) -> None:
+    own = any_robot.backbone.model_copy(update={"youngs_modulus_pa": 30e9})
+    segments = [any_robot.segments[0].model_copy(update={"backbone": own}), *any_robot.segments[1:]]
+    robot = any_robot.model_copy(update={"segments": segments, "tip": {"mass_kg": 0.003}})
+    scaled = robot.scaled(stiffness=2.0, mass=3.0)
+    assert scaled.tip.mass_kg == pytest.approx(0.009)
+    np.testing.assert_allclose(scaled.disk_masses, 3.0 * robot.disk_masses)
+    for after, before in zip(scaled.segment_backbones, robot.segment_backbones, strict=True):
+        assert after.youngs_modulus_pa == 2.0 * before.youngs_modulus_pa
+        assert after.weight_per_length_kg_m == pytest.approx(3.0 * before.weight_per_length_kg_m)
+        assert after.area == before.area
+    assert robot.scaled() == robot

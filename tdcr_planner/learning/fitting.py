@@ -51,7 +51,7 @@ def fit_stiffness(
     def distances(scale: float) -> FloatArray:
         cases = measured.cases
         solution = solve_statics(
-            scale_stiffness(robot, scale),
+            robot.scaled(stiffness=scale),
             cases.tensions,
             gravity=cases.gravity,
             tip_force=cases.tip_force,
@@ -92,28 +92,7 @@ def fit_stiffness(
             f"{calibration.rms_after_mm:.3g} mm from robot {robot.name!r} with {scale:.2g} times its stiffness; "
             "are the units newton, metre and m/s^2, and is it this robot?",
         )
-    return scale_stiffness(robot, scale), calibration
-
-
-def scale_stiffness(robot: RobotSpec, scale: float) -> RobotSpec:
-    """Returns a robot with Young's modulus of all its backbones multiplied."""
-    backbone = robot.backbone.model_copy(update={"youngs_modulus_pa": scale * robot.backbone.youngs_modulus_pa})
-    segments = tuple(
-        segment
-        if segment.backbone is None
-        else segment.model_copy(
-            update={
-                "backbone": segment.backbone.model_copy(
-                    update={"youngs_modulus_pa": scale * segment.backbone.youngs_modulus_pa}
-                )
-            }
-        )
-        for segment in robot.segments
-    )
-    # Built anew: a copy would keep what the old one has computed and cached.
-    content = robot.model_dump()
-    content |= {"backbone": backbone.model_dump(), "segments": [segment.model_dump() for segment in segments]}
-    return RobotSpec.model_validate(content)
+    return robot.scaled(stiffness=scale), calibration
 
 
 def train_on_measured(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tdcr_planner.learning.dataset import draw_cases
-from tdcr_planner.learning.fitting import scale_stiffness
 from tdcr_planner.learning.settings import DomainSettings, TrainSettings
 from tdcr_planner.learning.train import train_model
 from tdcr_planner.robot import RobotSpec
@@ -65,7 +64,7 @@ def bench(small_robot: RobotSpec, write_csv, tmp_path: Path, random: np.random.G
     domain = DomainSettings().for_robot(small_robot)
     cases = draw_cases(small_robot, domain, "planner", 50, random)
     gravity = np.broadcast_to([0.0, 0.0, -9.81], (50, 3))
-    solution = solve_statics(scale_stiffness(small_robot, 1.15), cases.tensions, gravity=gravity)
+    solution = solve_statics(small_robot.scaled(stiffness=1.15), cases.tensions, gravity=gravity)
     assert solution.converged.all()
     points = solution.positions[:, [2, 4, 6]] + random.normal(0.0, 5e-4, (50, 3, 3))
     header = [f"tension_{i}_n" for i in range(3)]

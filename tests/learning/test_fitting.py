@@ -7,7 +7,7 @@ import pytest
 
 from tdcr_planner.errors import FormatError
 from tdcr_planner.learning.dataset import draw_cases
-from tdcr_planner.learning.fitting import fit_stiffness, format_robot, scale_stiffness, train_on_measured
+from tdcr_planner.learning.fitting import fit_stiffness, format_robot, train_on_measured
 from tdcr_planner.learning.measured import read_measured_shapes
 from tdcr_planner.learning.settings import DomainSettings
 from tdcr_planner.robot import RobotSpec, load_robot
@@ -52,7 +52,7 @@ def test_fine_tuning_brings_the_error_down_fivefold(small_robot, small_model, sm
     assert card.calibration is not None
     assert card.calibration.shapes == 50
     assert "calibrated on 50 measured shapes" in card.describe()
-    true_robot = scale_stiffness(small_robot, TRUE_STIFFNESS)
+    true_robot = small_robot.scaled(stiffness=TRUE_STIFFNESS)
     cases = draw_cases(small_robot, DomainSettings().for_robot(small_robot), "uniform", 400, random)
     truth = solve_statics(true_robot, cases.tensions, gravity=cases.gravity, tip_force=cases.tip_force)
     errors = []
@@ -86,7 +86,7 @@ def test_segments_keep_their_own_backbones(two_segment_robot, tmp_path):
     own = content["segments"][1] | {"backbone": content["backbone"] | {"radius_m": 0.0004}}
     robot = RobotSpec.model_validate(content | {"segments": [content["segments"][0], own], "name": 'say "robot"'})
     path = tmp_path / "robot.toml"
-    path.write_text(format_robot(scale_stiffness(robot, 2.0)))
+    path.write_text(format_robot(robot.scaled(stiffness=2.0)))
     read = load_robot(path)
     assert [backbone.youngs_modulus_pa for backbone in read.segment_backbones] == [120e9, 120e9]
     assert read.name == 'say "robot"'
