@@ -17,6 +17,14 @@ CONNECT_S = 10.0
 GONE_S = 15.0
 NO_WORKER_S = 120.0
 _POLL_S = 0.1
+_TLS_ADVICE = (
+    "; certificates are Dask's own configuration: distributed.comm.tls.ca-file, .client.cert and .client.key, "
+    "or DASK_DISTRIBUTED__COMM__TLS__CA_FILE and so on"
+)
+_UCX_ADVICE = (
+    "; UCX is Dask's own configuration (distributed.comm.ucx) and needs the package of its bindings; try tcp://"
+)
+_ADVICE = {"tls": _TLS_ADVICE, "wss": _TLS_ADVICE, "ucx": _UCX_ADVICE, "ucxx": _UCX_ADVICE}
 _LOOK_S = 2.0
 
 
@@ -63,8 +71,9 @@ def dask_backend(address: str) -> Backend:
 def _connect(distributed: Any, address: str) -> Any:
     try:
         return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise WorkersError(f"no scheduler answers at {address}: {describe_error(error)}") from error
+    except Exception as error:  # each of Dask's transports raises what its own library does
+        advice = _ADVICE.get(address.partition("://")[0].lower(), "")
+        raise WorkersError(f"no scheduler answers at {address}: {describe_error(error)}{advice}") from error
 
 
 @dataclass

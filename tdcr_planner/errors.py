@@ -81,6 +81,10 @@ class DomainError(InputError):
     """A load or tension lies outside the domain that a shape model was trained on."""
 
 
+class WorkersError(TdcrError):
+    """Workers could not do what was asked: they are gone, or a job failed that the result cannot do without."""
+
+
 def nearest_name(name: str, valid: Iterable[str]) -> str:
     """Returns a hint naming the valid name nearest to a misspelt one, and all valid names; case does not count.
 

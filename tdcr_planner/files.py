@@ -1,22 +1,43 @@
-"""Reading TOML and JSON against a schema, hashing files, and writing outputs whole or not at all."""
+"""Reading TOML and JSON against a schema, and hashing files; opening and writing them is in `inputs` and `outputs`."""
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
-import os
-import shutil
-import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tdcr_planner.errors import FormatError, nearest_name
+from tdcr_planner.inputs import check_file, check_name, find_named_file, open_file, read_bytes, read_text, real_path
+from tdcr_planner.outputs import check_file_target, check_folder, is_private, write_file_whole, write_folder_whole
+
+__all__ = [
+    "FileModel",
+    "NotNegative",
+    "Positive",
+    "Vector3",
+    "check_file",
+    "check_file_target",
+    "check_folder",
+    "check_name",
+    "find_named_file",
+    "is_private",
+    "open_file",
+    "parse_table",
+    "read_bytes",
+    "read_json",
+    "read_text",
+    "read_toml",
+    "real_path",
+    "sha256_of_file",
+    "sha256_of_json",
+    "write_file_whole",
+    "write_folder_whole",
+]
 
 
 class FileModel(BaseModel):
@@ -36,20 +57,6 @@ Model = TypeVar("Model", bound=BaseModel)
 _CONTAINERS = {"tuple_type": "a list", "model_type": "a table of keys", "dict_type": "a table of keys"}
 
 
-def read_text(path: str | Path) -> str:
-    """Returns a file's text, or raises FormatError saying why it cannot be read."""
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise FormatError(path, "no such file") from error
-    except IsADirectoryError as error:
-        raise FormatError(path, "is a folder, expected a file") from error
-    except UnicodeDecodeError as error:
-        raise FormatError(path, "is not a text file") from error
-    except OSError as error:
-        raise FormatError(path, f"cannot be read: {error.strerror}") from error
-
-
 def read_toml(path: str | Path) -> dict[str, Any]:
     """Returns a TOML file's content as a dictionary."""
     try:
@@ -60,9 +67,13 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 def read_json(path: str | Path) -> dict[str, Any]:
     """Returns a JSON file's content, which must be an object."""
+    text = read_text(path)
     try:
-        content = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
+        content = json.loads(text)
+        if "\\u" in text:
+            # JSON can spell halves of characters, which no text file can hold.
+            json.dumps(content, ensure_ascii=False).encode()
+    except (json.JSONDecodeError, UnicodeEncodeError) as error:
         raise FormatError(path, f"is not valid JSON: {error}") from error
     if not isinstance(content, dict):
         raise FormatError(path, f"expected a JSON object, got {type(content).__name__}")
@@ -159,89 +170,11 @@ def _inner_model(annotation: Any) -> Any:
 
 def sha256_of_file(path: str | Path) -> str:
     """Returns the SHA-256 of a file's bytes as hex digits."""
-    try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    except OSError as error:
-        raise FormatError(path, f"cannot be read: {error.strerror}") from error
+    with open_file(path) as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def sha256_of_json(content: Any) -> str:
     """Returns the SHA-256 of a value's canonical JSON form as hex digits."""
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-@contextmanager
-def write_file_whole(path: str | Path) -> Iterator[Path]:
-    """Yields a temporary path beside the target; on success it replaces the target, on error nothing changes.
-
-    Raises:
-        FormatError: The folder cannot be made or written, or the disk is full.
-    """
-    target = Path(path)
-    staging = _make_staging(target.parent)
-    try:
-        with _full_disk_named(target):
-            temporary = staging / target.name
-            yield temporary
-            os.replace(temporary, target)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
-
-
-@contextmanager
-def write_folder_whole(folder: str | Path, last: str = "result.json") -> Iterator[Path]:
-    """Yields an empty staging folder whose files are moved into the target folder together on success.
-
-    On an exception (Ctrl-C included) the target stays as it was. Every file is moved complete; the one named `last`
-    comes last, so that whoever finds it finds the others too.
-
-    Args:
-        folder: The target folder, made when it is missing.
-        last: Name of the file that says the set is complete.
-
-    Raises:
-        FormatError: The folder cannot be made or written, or the disk is full.
-    """
-    target = Path(folder)
-    staging = _make_staging(target)
-    try:
-        with _full_disk_named(target):
-            yield staging
-            names = sorted((item.name for item in staging.iterdir()), key=lambda name: (name == last, name))
-            for name in names:
-                os.replace(staging / name, target / name)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
-
-
-def check_folder(folder: str | Path) -> None:
-    """Raises FormatError unless a folder can be written or made: what is computed for it would be lost.
-
-    Nothing is made or changed.
-    """
-    target = Path(folder).absolute()
-    nearest = next(place for place in (target, *target.parents) if place.exists())
-    if not nearest.is_dir():
-        raise FormatError(folder, f"cannot be written: {nearest} is no folder")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise FormatError(folder, f"cannot be written: no permission in {nearest}")
-
-
-def _make_staging(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        return Path(tempfile.mkdtemp(prefix=".tdcr-writing-", dir=folder))
-    except OSError as error:
-        raise FormatError(folder, f"cannot be written: {error.strerror}") from error
-
-
-@contextmanager
-def _full_disk_named(target: Path) -> Iterator[None]:
-    """Turns what only a disk without room raises into an error that names the target."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise FormatError(target, f"cannot be written: {error.strerror}") from error
-        raise

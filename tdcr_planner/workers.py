@@ -15,7 +15,18 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
 
-from tdcr_planner.errors import InputError, TdcrError
+from tdcr_planner.errors import InputError, WorkersError
+
+__all__ = [
+    "ALLOWED_LOSSES",
+    "Backend",
+    "Outcome",
+    "WorkersError",
+    "describe_error",
+    "local_backend",
+    "run_jobs",
+    "usable_cpus",
+]
 
 # Workers that a job may lose, to a crash or to somebody's kill, before it counts as failed, where it is given again.
 ALLOWED_LOSSES = 3
@@ -41,10 +52,6 @@ class Outcome:
     value: Any = None
     error: str = ""
     lost: bool = False
-
-
-class WorkersError(TdcrError):
-    """Workers could not do what was asked: they are gone, or a job failed that the result cannot do without."""
 
 
 class Backend(Protocol):
@@ -282,6 +289,7 @@ class _Lane:
 def _serve(connection: Connection, function: Callable[[Any], Any]) -> None:
     """What a worker process does: jobs in, values or errors out, until the connection ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     while True:
         try:
             job = connection.recv()
@@ -297,6 +305,14 @@ def _serve(connection: Connection, function: Callable[[Any], Any]) -> None:
             return
         except Exception as error:
             connection.send((None, f"the result cannot be sent: {describe_error(error)}"))
+
+
+def _end_with_parent() -> None:
+    """Ends this process, in the middle of a job too, when the one that started it has ended in whatever way."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # called in a worker
+    parent.join()
+    os._exit(1)
 
 
 @contextlib.contextmanager

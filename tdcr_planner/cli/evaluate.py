@@ -34,9 +34,12 @@ def evaluate(
         progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
     from tdcr_planner.cli.progress import StageBar
+    from tdcr_planner.files import check_folder
     from tdcr_planner.learning.evaluate import evaluate_model
     from tdcr_planner.shape.learned import load_shape_model
 
+    if out is not None:
+        check_folder(out)
     loaded = load_shape_model(model)
     with StageBar(shown=progress) as bar:
         evaluation = evaluate_model(loaded, samples, seed=seed, progress=bar.update)

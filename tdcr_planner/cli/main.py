@@ -3,43 +3,17 @@
 from __future__ import annotations
 
 import logging
-import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-import tyro
-
-from tdcr_planner.cli.compare import compare
-from tdcr_planner.cli.evaluate import evaluate
-from tdcr_planner.cli.info import info
-from tdcr_planner.cli.plan import plan
-from tdcr_planner.cli.roadmap import roadmap
-from tdcr_planner.cli.robustness import robustness
-from tdcr_planner.cli.solve import solve
-from tdcr_planner.cli.sweep import sweep
-from tdcr_planner.cli.train import train
-from tdcr_planner.cli.verify import verify
-from tdcr_planner.cli.view import view
-from tdcr_planner.errors import TdcrError
-from tdcr_planner.workers import WorkersError
+from tdcr_planner.cli.signals import ending_signals, was_interrupted
+from tdcr_planner.cli.streams import discard_output, one_line, prepare_streams
+from tdcr_planner.errors import TdcrError, WorkersError
 
 DESCRIPTION = """Plan, verify and look at tendon trajectories of continuum robots in triangle meshes.
 
 Exit codes: 0 done (for plan: a verified path), 1 tried and not reached, 2 bad input.
 """
-COMMANDS: dict[str, Callable[..., int]] = {
-    "plan": plan,
-    "verify": verify,
-    "roadmap": roadmap,
-    "robustness": robustness,
-    "view": view,
-    "compare": compare,
-    "sweep": sweep,
-    "solve": solve,
-    "train": train,
-    "evaluate": evaluate,
-    "info": info,
-}
 EXIT_NOT_REACHED = 1
 EXIT_BAD_INPUT = 2
 
@@ -52,25 +26,50 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", force=True)
     try:
+        # Imported here, where an interrupt during the imports is answered like a later one.
+        import tyro
+
+        from tdcr_planner.cli.commands import COMMANDS
+
         return tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="tdcr", description=DESCRIPTION, args=arguments)
     except WorkersError as error:
-        print(f"not done: {error}; earlier files are as they were", file=sys.stderr)
+        print(f"not done: {one_line(str(error))}; earlier files are as they were", file=sys.stderr)
         return EXIT_NOT_REACHED
     except TdcrError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {one_line(str(error))}", file=sys.stderr)
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
-        print("interrupted: nothing was written by this run; earlier files are as they were", file=sys.stderr)
-        return EXIT_NOT_REACHED
+        return _say_interrupted()
+    except Exception:
+        # Compiled code and imports may turn an interrupt into an error of their own.
+        if was_interrupted():
+            return _say_interrupted()
+        raise
 
 
 def main() -> None:
     """Runs the tdcr command of this process."""
-    try:
-        code = run()
-        sys.stdout.flush()
-    except BrokenPipeError:
-        # Whoever reads the output, `head` for example, has seen enough. Python would complain once more at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = EXIT_NOT_REACHED
+    with ending_signals():
+        try:
+            prepare_streams()
+            code = run()
+            sys.stdout.flush()
+        except BrokenPipeError:
+            # Whoever reads the output, `head` for example, has seen enough.
+            discard_output()
+            code = EXIT_NOT_REACHED
+        except KeyboardInterrupt:
+            # One more interrupt, while the first was being answered.
+            code = EXIT_NOT_REACHED
+        except OSError as error:
+            if error.filename is not None:
+                raise
+            print(f"error: the output cannot be written: {error.strerror}", file=sys.stderr)
+            discard_output()
+            code = EXIT_NOT_REACHED
     sys.exit(code)
+
+
+def _say_interrupted() -> int:
+    print("interrupted: no file is left half-written, and what was finished before is kept", file=sys.stderr)
+    return EXIT_NOT_REACHED

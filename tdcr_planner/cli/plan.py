@@ -45,14 +45,14 @@ def plan(
     from tdcr_planner.cli.progress import TimeBar, remark_if_slow
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
-    from tdcr_planner.report.results import write_result
+    from tdcr_planner.report.results import RESULT_FILES, write_result
     from tdcr_planner.session import PlanningSession, PlanStatus
 
     started = time.perf_counter()
     given = {"seed": seed, "name": planner, "validity": validity, "time_limit_s": time_limit_s}
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
-    check_folder(out)
+    check_folder(out, RESULT_FILES)
     with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
         session = PlanningSession(query)
         session.use_roadmap(roadmap)

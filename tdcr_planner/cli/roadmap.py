@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,11 +40,11 @@ def roadmap(
     """
     from tdcr_planner.cli.progress import TimeBar, remark_if_slow
     from tdcr_planner.errors import InputError
-    from tdcr_planner.files import check_folder
+    from tdcr_planner.files import check_file_target
     from tdcr_planner.planning.scenario import load_scenario
     from tdcr_planner.session import PlanningSession
 
-    if out.suffix != ".npz" or out.is_dir():
+    if out.suffix != ".npz" or os.path.isdir(out):
         raise InputError("--out", "a file ending in .npz", repr(str(out)))
     if not 0.0 < seconds < float("inf"):
         raise InputError("--seconds", "a time above 0", seconds)
@@ -52,7 +53,7 @@ def roadmap(
     if seed is not None and seed < 1:
         raise InputError("--seed", "1 or more", seed)
     query = load_scenario(scenario)
-    check_folder(out.parent)
+    check_file_target(out)
     with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
         builder = PlanningSession(query).roadmap_builder(seed=seed)
     interrupted = False

@@ -40,12 +40,14 @@ def solve(
     """
     import numpy as np
 
-    from tdcr_planner.files import write_file_whole
+    from tdcr_planner.files import check_file_target, write_file_whole
     from tdcr_planner.robot import load_robot
     from tdcr_planner.statics.solver import solve_statics
 
     if out is not None and out.suffix not in {".json", ".npz"}:
         raise InputError("--out", "a file ending in .json or .npz", str(out))
+    if out is not None:
+        check_file_target(out)
     spec = load_robot(robot)
     bending = parse_vector("--bending-n", bending_n, 2 * spec.segment_count).reshape(1, -1, 2)
     tensions = spec.tensions_from_bending(bending)

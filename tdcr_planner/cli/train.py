@@ -40,6 +40,7 @@ def train(
     """
     from tdcr_planner.cli.backend import choose_backend
     from tdcr_planner.cli.progress import StageBar
+    from tdcr_planner.files import check_file_target
     from tdcr_planner.learning.checkpoint import checkpoint_path
     from tdcr_planner.learning.fitting import train_on_measured
     from tdcr_planner.learning.settings import load_train_settings
@@ -48,6 +49,8 @@ def train(
     from tdcr_planner.workers import ALLOWED_LOSSES
 
     backend = choose_backend(jobs, scheduler, losses=ALLOWED_LOSSES)
+    for target in (out, checkpoint_path(out)):
+        check_file_target(target)
     spec, settings = load_robot(robot), load_train_settings(config)
     with StageBar(shown=progress) as bar:
         try:

@@ -19,6 +19,7 @@ def view(
     open_browser: bool = True,
     live: bool = False,
     port: int = 8080,
+    host: str = "127.0.0.1",
 ) -> int:
     """Write the HTML of a result or a scenario and open it in a browser.
 
@@ -38,10 +39,12 @@ def view(
         open_browser: Open the page when it is written.
         live: Serve a viewer until Ctrl-C and write nothing: sliders set each tendon, insertion and roll, and what
             the robot touches is shown in place.
-        port: Port of the live viewer.
+        port: Port of the live viewer, or the next free one where it is taken; 0 for any free one.
+        host: Address that the live viewer listens at: 127.0.0.1 for this machine alone, 0.0.0.0 for everybody who
+            can reach this machine, without a password.
     """
     from tdcr_planner.errors import FormatError, TdcrError
-    from tdcr_planner.files import write_file_whole
+    from tdcr_planner.files import check_file_target, real_path, write_file_whole
     from tdcr_planner.planning.scenario import load_scenario
     from tdcr_planner.report.export import check_export, export_picture
     from tdcr_planner.report.picture import gather_picture, gather_scenario_picture, with_start_checked
@@ -49,11 +52,13 @@ def view(
     from tdcr_planner.report.scene_html import write_html
 
     if live:
-        return _view_live(file, port, open_browser)
+        return _view_live(file, port, host, open_browser)
     result = None
     has_result = file.suffix != ".toml"
     for target in export:
         check_export(target, has_result=has_result, name="--export")
+    for target in export if out is None else (out, *export):
+        check_file_target(target)
     if file.suffix == ".toml":
         picture = gather_scenario_picture(load_scenario(file))
         try:
@@ -61,10 +66,10 @@ def view(
         except TdcrError as error:  # the picture may show what is wrong with the scene
             picture = replace(picture, message=f"start: not checked, {error}")
         page = out or Path(f"{file.stem}.html")
-    elif file.suffix == ".json" or file.is_dir():
+    elif file.suffix == ".json" or os.path.isdir(file):
         result = read_result(file)
         picture = gather_picture(result)
-        page = out or (file if file.is_dir() else file.parent) / "path.html"
+        page = out or (file if os.path.isdir(file) else file.parent) / "path.html"
     else:
         raise FormatError(file, f"expected a result (.json) or a scenario (.toml), got {file.suffix or 'no ending'!r}")
     with write_file_whole(page) as temporary:
@@ -75,22 +80,23 @@ def view(
     for target in export:
         export_picture(picture, target, result)
         print(target)
-    if open_browser and not open_page(page.resolve().as_uri()):
+    if open_browser and not open_page(real_path(page).as_uri()):
         print("no browser could be opened here; open that file in one", file=sys.stderr)
         return 1
     return 0
 
 
-def _view_live(file: Path, port: int, open_browser: bool) -> int:
+def _view_live(file: Path, port: int, host: str, open_browser: bool) -> int:
     import threading
 
     from tdcr_planner.planning.scenario import load_scenario
-    from tdcr_planner.report.live import serve_live
+    from tdcr_planner.report.live import find_port, serve_live
     from tdcr_planner.report.results import read_result
     from tdcr_planner.session import PlanningSession
 
+    port = find_port(host, port)
     scenario = load_scenario(file) if file.suffix == ".toml" else read_result(file).scenario
-    viewer = serve_live(PlanningSession(scenario), port=port)
+    viewer = serve_live(PlanningSession(scenario), port=port, host=host)
     print(f"{viewer.address} (Ctrl-C ends it)")
     if open_browser and not open_page(viewer.address):
         print("no browser could be opened here; open that address in one", file=sys.stderr)

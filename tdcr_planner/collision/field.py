@@ -6,6 +6,7 @@ import hashlib
 import logging
 import math
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from tdcr_planner.collision.containment import Side, entry_depth, is_wrong
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.tree import nearest_triangle, triangle_square_distance
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import write_file_whole
+from tdcr_planner.files import is_private, read_bytes, write_file_whole
 
 logger = logging.getLogger(__name__)
 
@@ -27,7 +28,7 @@ CELLS = 500_000
 FORMAT = "tdcr-field/1"
 # Nodes are stored in single precision; this share covers its rounding (6e-8) and that of the bounds.
 ROUNDING = 1e-6
-_told_not_kept: set[Path] = set()  # cache folders that could not be written to: one warning each
+_told_not_kept: set[Path] = set()  # cache folders that are not used: one warning each
 
 
 class Field(NamedTuple):
@@ -95,19 +96,36 @@ def _load_or_fill(
     grid = f"{FORMAT} {mesh.sha256} {shape.tolist()} {[*origin.tolist(), spacing]}"
     file = cache_folder() / f"field-{hashlib.sha256(grid.encode()).hexdigest()}.bin"
     count = int(np.prod(shape))
-    stored = _read_stored(file, count)
+    is_kept = _is_own_folder(file.parent)
+    stored = _read_stored(file, count) if is_kept else None
     if stored is not None:
         return stored
     values = _filled(mesh, side, shape, origin, spacing)
+    if not is_kept:
+        return values
     payload = values.tobytes()
     try:
         with write_file_whole(file) as temporary:
             temporary.write_bytes(hashlib.sha256(payload).digest() + payload)
     except (FormatError, OSError) as error:
-        if file.parent not in _told_not_kept:
-            _told_not_kept.add(file.parent)
-            logger.warning("distance fields are not kept for later runs in %s: %s", file.parent, error)
+        _warn_not_kept(file.parent, str(error))
     return values
+
+
+def _is_own_folder(folder: Path) -> bool:
+    """Whether a cache folder, made where it is missing, is nobody else's: who can write a field can hide a wall."""
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not os.path.isdir(folder) or is_private(folder):
+        return True
+    _warn_not_kept(folder, "other users can write there; TDCR_CACHE_DIR can name a folder of your own")
+    return False
+
+
+def _warn_not_kept(folder: Path, reason: str) -> None:
+    if folder not in _told_not_kept:
+        _told_not_kept.add(folder)
+        logger.warning("distance fields are not kept for later runs in %s: %s", folder, reason)
 
 
 def _filled(mesh: SceneMesh, side: Side, shape: IntArray, origin: FloatArray, spacing: float) -> NDArray[np.float32]:
@@ -118,12 +136,15 @@ def _filled(mesh: SceneMesh, side: Side, shape: IntArray, origin: FloatArray, sp
 
 def _read_stored(file: Path, count: int) -> NDArray[np.float32] | None:
     """Returns a stored field, or None where there is none or its bytes are not those that were written."""
-    try:
-        content = file.read_bytes()
-    except (FileNotFoundError, NotADirectoryError):
+    if not os.path.lexists(file):
         return None
-    except OSError as error:
-        logger.warning("%s cannot be read, so the field is computed again: %s", file, error)
+    try:
+        content = read_bytes(file)
+    except FormatError as error:
+        logger.warning("%s cannot be read, so the field is computed again: %s", file, error.problem)
+        return None
+    if not is_private(file):
+        logger.warning("%s can be written by other users, so the field is computed again", file)
         return None
     digest, payload = content[:32], content[32:]
     if len(payload) != 4 * count or hashlib.sha256(payload).digest() != digest:

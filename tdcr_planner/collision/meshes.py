@@ -17,6 +17,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray, IntArray, check_array
 from tdcr_planner.collision.topology import Loop, Surface, analyse, clean_mesh, fan_cap
 from tdcr_planner.collision.tree import TriangleTree, build_tree, winding_numbers
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
+from tdcr_planner.files import check_file
 
 logger = logging.getLogger(__name__)
 
@@ -189,10 +190,7 @@ def read_triangles(path: str | Path, unit: str) -> tuple[FloatArray, IntArray]:
     if unit not in METRES_PER_UNIT:
         raise UnknownNameError("unit", str(unit), METRES_PER_UNIT, " for the mesh file's unit of length")
     file = Path(path)
-    if not file.exists():
-        raise FormatError(path, "no such file")
-    if file.is_dir():
-        raise FormatError(path, "is a folder, expected a mesh file")
+    check_file(file)
     try:
         loaded = trimesh.load(file, force="mesh", process=False)
         vertices = np.asarray(loaded.vertices, dtype=np.float64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import torch
 
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import write_file_whole
+from tdcr_planner.files import open_file, write_file_whole
 
 _FORMAT = "tdcr-checkpoint/1"
 
@@ -42,11 +43,12 @@ def load_checkpoint(path: Path, robot: str, settings: str) -> dict[str, Any] | N
     Raises:
         FormatError: The file is broken, or belongs to another robot or other settings.
     """
-    if not path.exists():
+    if not os.path.lexists(path):
         return None
     try:
-        content = torch.load(path, weights_only=True, map_location="cpu")
-    except (RuntimeError, OSError, EOFError, ValueError, pickle.UnpicklingError) as error:
+        with open_file(path) as stream:
+            content = torch.load(stream, weights_only=True, map_location="cpu")
+    except (RuntimeError, EOFError, ValueError, pickle.UnpicklingError) as error:
         raise FormatError(path, "is a broken checkpoint; delete it to start again") from error
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise FormatError(path, "is not a checkpoint of this version; delete it to start again")

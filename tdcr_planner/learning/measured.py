@@ -38,7 +38,8 @@ def read_measured_shapes(path: str | Path, robot: RobotSpec) -> MeasuredShapes:
 
     One row a shape, with a header. Columns, in any order:
 
-    - `tension_0_n` ... one a tendon, in the robot file's order, N;
+    - `tension_1_n` ... one a tendon, in the robot file's order, N, as in trajectory.csv; or, when there is a
+      `tension_0_n`, counted from 0;
     - `disk_<i>_x_m`, `disk_<i>_y_m`, `disk_<i>_z_m` for one or more disks i from 1 to d - 1, m, base frame; an empty
       field where the marker was not seen;
     - optional `gravity_x_m_s2`, `gravity_y_m_s2`, `gravity_z_m_s2`, base frame (else no gravity);
@@ -49,7 +50,8 @@ def read_measured_shapes(path: str | Path, robot: RobotSpec) -> MeasuredShapes:
             its limit, or positions or loads are beyond this robot, as they are in the wrong unit.
     """
     header, rows = _read_table(path)
-    disks = _check_columns(path, header, robot)
+    tendons = _tension_columns(header, robot)
+    disks = _check_columns(path, header, tendons, robot)
     columns = {name: index for index, name in enumerate(header)}
 
     def vectors(names: list[str], *, may_be_empty: bool = False) -> FloatArray:
@@ -57,23 +59,28 @@ def read_measured_shapes(path: str | Path, robot: RobotSpec) -> MeasuredShapes:
             [[_parse(path, line, name, row[columns[name]], may_be_empty) for name in names] for line, row in rows]
         )
 
-    tensions = vectors([f"tension_{i}_n" for i in range(robot.tendon_count)])
+    tensions = vectors(tendons)
     loads = []
     for names in (_axes("gravity_{}_m_s2"), _axes("tip_force_{}_n")):
         loads.append(vectors(names) if names[0] in columns else np.zeros((len(rows), 3)))
     names = [name for disk in disks for name in _axes(f"disk_{disk}_{{}}_m")]
     positions = vectors(names, may_be_empty=True).reshape(len(rows), len(disks), 3)
-    _check_values(path, rows, tensions, positions, disks, robot)
+    _check_values(path, rows, tendons, tensions, positions, disks, robot)
     gravity, tip_force = loads
     _check_loads(path, rows, gravity, tip_force, robot)
     return MeasuredShapes(Path(path), Cases(tensions, gravity, tip_force), disks, positions)
 
 
 def _read_table(path: str | Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    table = list(csv.reader(read_text(path).splitlines()))
-    if len(table) < 2:
+    try:
+        table = list(csv.reader(read_text(path).split("\n"), strict=True))
+    except csv.Error as error:
+        raise FormatError(path, f"is not valid CSV: {error}") from error
+    if not any(table[1:]):
         raise FormatError(path, "expected a header and at least one row of measured values")
     header = [name.strip() for name in table[0]]
+    if len(header) == 1 and ";" in header[0]:
+        raise FormatError(path, "expected fields separated by commas, got semicolons")
     rows = []
     for line, row in enumerate(table[1:], start=2):
         if not row:
@@ -84,9 +91,14 @@ def _read_table(path: str | Path) -> tuple[list[str], list[tuple[int, list[str]]
     return header, rows
 
 
-def _check_columns(path: str | Path, header: list[str], robot: RobotSpec) -> tuple[int, ...]:
+def _tension_columns(header: list[str], robot: RobotSpec) -> list[str]:
+    """Returns the names of the tensions' columns in the tendons' order, counted as the file counts them."""
+    first = 0 if "tension_0_n" in header else 1
+    return [f"tension_{first + tendon}_n" for tendon in range(robot.tendon_count)]
+
+
+def _check_columns(path: str | Path, header: list[str], tensions: list[str], robot: RobotSpec) -> tuple[int, ...]:
     """Returns the tracked disks, or says which columns are missing, doubled or unknown."""
-    tensions = [f"tension_{i}_n" for i in range(robot.tendon_count)]
     optional = [_axes("gravity_{}_m_s2"), _axes("tip_force_{}_n")]
     tracked = {disk: _axes(f"disk_{disk}_{{}}_m") for disk in range(1, robot.disk_count)}
     present = set(header)
@@ -136,6 +148,7 @@ def _parse(path: str | Path, line: int, name: str, text: str, may_be_empty: bool
 def _check_values(
     path: str | Path,
     rows: list[tuple[int, list[str]]],
+    tendons: list[str],
     tensions: FloatArray,
     positions: FloatArray,
     disks: tuple[int, ...],
@@ -149,7 +162,7 @@ def _check_values(
         raise FormatError(
             path,
             f"expected 0 to {limits[column] / 2.0:g} N, got {tensions[row, column]:g}; is the unit newton?",
-            f"line {rows[row][0]}, tension_{column}_n",
+            f"line {rows[row][0]}, {tendons[column]}",
         )
     reach = robot.arc_lengths[list(disks)]
     distance = np.linalg.norm(positions, axis=2)

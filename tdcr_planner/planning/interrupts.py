@@ -1,4 +1,4 @@
-"""Interrupts: Ctrl-C and errors while a compiled library calls back, kept until the library has returned."""
+"""Interrupts: ending signals and errors while a compiled library calls back, kept until the library has returned."""
 
 from __future__ import annotations
 
@@ -9,36 +9,44 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+# What a user, a system or a closed terminal ends a program with; SIGHUP is not on every system.
+ENDING_SIGNALS = tuple(
+    signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__
+)
+
 
 @contextmanager
 def interrupts_kept(keep: Callable[[BaseException], None]) -> Iterator[None]:
-    """Passes what a SIGINT raises to `keep` instead of raising it, while the block runs.
+    """Passes what SIGINT, SIGTERM or SIGHUP raises to `keep` instead of raising it, while the block runs.
 
     Python raises KeyboardInterrupt at the next instruction that it runs. When the signal comes while a compiled
     library is at work, that is the first one of the library's next callback, before any `try` in it, and the exception
     would pass through code that knows nothing of exceptions. The caller raises what it was given after the block.
-    Outside of the main thread, and where SIGINT has no Python handler, nothing is changed.
+    Outside of the main thread, and for a signal that has no Python handler, nothing is changed.
 
     Args:
         keep: Takes what the handler that was there before has raised.
     """
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
+    found = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
+    before = {number: handler for number, handler in found.items() if callable(handler)}
 
     def handle(number: int, frame: FrameType | None) -> None:
         try:
-            before(number, frame)
+            before[signal.Signals(number)](number, frame)
         except BaseException as error:
             # Its frames lead to the interrupted ones, and those hold what the library frees.
             keep(error.with_traceback(None))
 
-    signal.signal(signal.SIGINT, handle)
+    for number in before:
+        signal.signal(number, handle)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def forget_frames(error: BaseException) -> None:

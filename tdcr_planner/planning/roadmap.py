@@ -18,7 +18,15 @@ from scipy.spatial import cKDTree
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.errors import FormatError, InputError
-from tdcr_planner.files import FileModel, NotNegative, Positive, parse_table, sha256_of_json, write_file_whole
+from tdcr_planner.files import (
+    FileModel,
+    NotNegative,
+    Positive,
+    open_file,
+    parse_table,
+    sha256_of_json,
+    write_file_whole,
+)
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.scene import differences, scene_facts
 from tdcr_planner.shape.base import ShapeModel
@@ -208,12 +216,10 @@ def _read(path: Path) -> Roadmap:
     """Returns what a file holds, or raises FormatError saying what is wrong with it."""
     try:
         # NumPy leaves a file open that it cannot read: this one is closed here.
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+        with open_file(path) as stream, np.load(stream, allow_pickle=False) as content:
             table = json.loads(str(content["header"]))
             arrays = {name: content[name] for name in ("rows", "edges", "motion_scale")}
-    except FileNotFoundError as error:
-        raise FormatError(path, "no such file") from error
-    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+    except (EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error) as error:
         raise FormatError(path, f"is damaged or no roadmap ({error}); {REBUILD}") from error
     if not isinstance(table, dict):
         raise FormatError(path, f"expected a table, got {type(table).__name__}; {REBUILD}", "header")

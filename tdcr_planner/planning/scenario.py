@@ -11,7 +11,17 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
-from tdcr_planner.files import FileModel, NotNegative, Positive, Vector3, parse_table, read_toml, sha256_of_file
+from tdcr_planner.files import (
+    FileModel,
+    NotNegative,
+    Positive,
+    Vector3,
+    find_named_file,
+    parse_table,
+    read_toml,
+    real_path,
+    sha256_of_file,
+)
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
 
@@ -286,7 +296,7 @@ class Scenario:
 
     def resolve(self, relative: str) -> Path:
         """Returns the absolute path of a file that the scenario names."""
-        return (self.path.parent / relative).resolve()
+        return real_path(self.path.parent / relative)
 
     def with_planner(self, **changes: Any) -> Scenario:
         """Returns the scenario with some planner settings replaced, for example seed=3 or validity="reference".
@@ -312,20 +322,15 @@ def load_scenario(path: str | Path) -> Scenario:
     Raises:
         FormatError: The file, the robot or a named file is missing or not what it should be.
     """
-    file = Path(path).resolve()
-    content = parse_table(ScenarioFile, read_toml(file), path)
-    robot_file = (file.parent / content.robot).resolve()
-    if not robot_file.is_file():
-        raise FormatError(path, f"no such file: {robot_file}", "robot")
-    robot = load_robot(robot_file)
+    file = real_path(path)
+    content = parse_table(ScenarioFile, read_toml(path), path)
+    robot = load_robot(find_named_file(file.parent / content.robot, path, "robot"))
     scenario = Scenario(file, sha256_of_file(file), content, robot)
     _check_against_robot(scenario)
     for index, mesh in enumerate(content.meshes):
-        if not scenario.resolve(mesh.file).is_file():
-            raise FormatError(path, f"no such file: {scenario.resolve(mesh.file)}", f"meshes[{index + 1}].file")
-    model = scenario.shape_model_path
-    if model is not None and not model.is_file():
-        raise FormatError(path, f"no such file: {model}; `tdcr train` makes one", "shape_model")
+        find_named_file(file.parent / mesh.file, path, f"meshes[{index + 1}].file")
+    if content.shape_model is not None:
+        find_named_file(file.parent / content.shape_model, path, "shape_model", "; `tdcr train` makes one")
     return scenario
 
 

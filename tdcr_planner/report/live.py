@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import html
+import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,6 +36,7 @@ NEAR = "#E69F00"
 _GHOSTS: dict[Validity, str] = {"learned": plots.LEARNED, "reference": plots.MUTED, "constant_curvature": "#E69F00"}
 _WALLS = {"cavity": ((160, 178, 196), 0.25), "obstacle": ((190, 178, 162), 0.55)}
 _NOTE_PX = 196
+LARGEST_PORT = 65535
 # What may be drawn of a state beside the robot; removed where a state has none of it.
 _PASSING = ("/contact/parts", "/contact/triangles", "/contact/points", "/contact/label")
 
@@ -43,17 +46,45 @@ def serve_live(session: PlanningSession, *, port: int = 8080, host: str = "127.0
 
     Args:
         session: The scene, its robot and its models.
-        port: Where a browser finds it; viser takes the next free one where it is taken.
-        host: 127.0.0.1 for this machine alone, 0.0.0.0 for the network.
+        port: Where a browser finds it, or the next free one where it is taken; 0 for any free one.
+        host: IPv4 address to listen at: 127.0.0.1 for this machine alone, 0.0.0.0 for the network.
 
     Raises:
-        InputError: viser is not installed.
+        InputError: viser is not installed, or there is no such port or host to listen at.
     """
+    port = find_port(host, port)
     try:
         import viser
     except ImportError as error:
         raise InputError("--live", "the package viser: pip install 'tdcr-planner[live]'", "none installed") from error
     return LiveViewer(LiveScene(session), viser.ViserServer(host=host, port=port, verbose=False, label="tdcr"))
+
+
+def find_port(host: str, port: int) -> int:
+    """Returns the first port from `port` on that can be listened at: a server's own thread could only die of it.
+
+    Args:
+        host: IPv4 address of this machine.
+        port: From 0 to 65535; 0 for any free one.
+
+    Raises:
+        InputError: There is no such port or host, this user may not listen there, or all ports above are taken.
+    """
+    if not 0 <= port <= LARGEST_PORT:
+        raise InputError("--port", f"a port from 0 to {LARGEST_PORT}", port)
+    for candidate in range(port, LARGEST_PORT + 1):
+        try:
+            with socket.create_server((host, candidate)) as listener:
+                found: int = listener.getsockname()[1]
+                return found
+        except (socket.gaierror, UnicodeError) as error:
+            raise InputError("--host", "an IPv4 address of this machine, such as 127.0.0.1 or 0.0.0.0", host) from error
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise InputError(
+                    "--port", f"a port of {host} to listen at", f"{candidate}: {error.strerror}"
+                ) from error
+    raise InputError("--port", f"a port with a free one from it to {LARGEST_PORT}", port)
 
 
 class LiveViewer:

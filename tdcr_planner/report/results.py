@@ -12,7 +12,7 @@ import numpy as np
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import FileModel, parse_table, read_json, sha256_of_file, write_folder_whole
+from tdcr_planner.files import FileModel, parse_table, read_json, real_path, sha256_of_file, write_folder_whole
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import PlannerSettings, Scenario, load_scenario
 from tdcr_planner.report.plain import plain_json
@@ -102,7 +102,7 @@ def write_result(result: PlanResult, folder: str | Path) -> Path:
     from tdcr_planner.report.scene_html import write_html
     from tdcr_planner.report.scene_png import write_png
 
-    target = Path(folder).resolve()
+    target = real_path(folder)
     picture = gather_picture(result)
     with write_folder_whole(target) as staging:
         write_shapes(result, staging / "shapes.npz")
@@ -211,7 +211,7 @@ def read_result(path: str | Path) -> PlanResult:
             judged against something that it was not planned for.
     """
     file = Path(path)
-    if file.is_dir():
+    if os.path.isdir(file):
         file = file / "result.json"
     content = read_json(file)
     _check_format(content, file)
@@ -252,8 +252,8 @@ def _check_format(content: dict[str, Any], file: Path) -> None:
 
 def _find_scenario(table: _ResultFile, file: Path) -> Scenario:
     """Loads the scenario that the result was planned for; a changed one, or a changed input of it, is refused."""
-    candidates = [(file.resolve().parent / table.scenario).resolve(), Path(table.scenario_absolute)]
-    present = [candidate for candidate in candidates if candidate.is_file()]
+    candidates = [real_path(real_path(file).parent / table.scenario), Path(table.scenario_absolute)]
+    present = [candidate for candidate in candidates if os.path.isfile(candidate)]
     if not present:
         tried = " or ".join(dict.fromkeys(str(candidate) for candidate in candidates))
         raise FormatError(file, f"no such file: {tried}; put the scenario back or plan it again", "scenario")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import logging
 import math
+import os
 import zipfile
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import sha256_of_file
+from tdcr_planner.files import open_file, sha256_of_file
 from tdcr_planner.session import PlanResult
 
 _log = logging.getLogger(__name__)
@@ -85,7 +86,7 @@ def read_shapes(file: Path, digest: str, count: int, disks: int) -> dict[str, Fl
     Raises:
         FormatError: It is another file than the one that was written with the result, or holds other shapes.
     """
-    if not file.exists():
+    if not os.path.lexists(file):
         _log.warning("%s: no such file; shapes are left out", file)
         return {
             "positions_m": np.full((count, disks, 3), np.nan),
@@ -94,9 +95,9 @@ def read_shapes(file: Path, digest: str, count: int, disks: int) -> dict[str, Fl
     if sha256_of_file(file) != digest:
         raise FormatError(file, "belongs to another result than the result.json beside it, or is damaged")
     try:
-        with np.load(file, allow_pickle=False) as archive:
+        with open_file(file) as stream, np.load(stream, allow_pickle=False) as archive:
             shapes = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+    except (EOFError, ValueError, zipfile.BadZipFile) as error:
         raise FormatError(file, f"cannot be read: {error}") from error
     for name, shape in (("positions_m", (count, disks, 3)), ("rotations", (count, disks, 3, 3))):
         if name not in shapes or shapes[name].shape != shape:

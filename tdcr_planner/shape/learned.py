@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from tdcr_planner.arrays import BoolArray, FloatArray, check_array, check_batch
 from tdcr_planner.errors import DomainError, FormatError, InputError, RobotMismatchError
-from tdcr_planner.files import parse_table, sha256_of_file
+from tdcr_planner.files import open_file, parse_table, sha256_of_file
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.base import DiskPoses
 from tdcr_planner.shape.card import ModelCard
@@ -231,7 +231,7 @@ def load_torch_module(path: str | Path) -> torch.jit.ScriptModule:
 def _read_archive(path: Path) -> tuple[ModelCard, ShootingWeights | None]:
     """Reads card and weights straight from the archive: without torch, whose import takes seconds."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_file(path) as stream, zipfile.ZipFile(stream) as archive:
             broken = archive.testzip()
             if broken is not None:
                 raise FormatError(path, "is damaged: its checksum is wrong", broken)
@@ -242,16 +242,10 @@ def _read_archive(path: Path) -> tuple[ModelCard, ShootingWeights | None]:
                 )
             content = json.loads(archive.read(names[CARD_FILE]))
             weights = archive.read(names[WEIGHTS_FILE]) if WEIGHTS_FILE in names else None
-    except FileNotFoundError as error:
-        raise FormatError(path, "no such file") from error
-    except IsADirectoryError as error:
-        raise FormatError(path, "is a folder, expected a file") from error
     except (zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise FormatError(path, "is not a shape model, or is truncated") from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise FormatError(path, f"its card is not valid JSON: {error}") from error
-    except OSError as error:
-        raise FormatError(path, f"cannot be read: {error.strerror or error}") from error
     card = parse_table(ModelCard, content, path)
     if card.network != "shooting":
         return card, None

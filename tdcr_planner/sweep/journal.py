@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
+import logging
 import os
 from collections.abc import Iterator
 from io import FileIO
@@ -12,10 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from tdcr_planner.errors import FormatError
+from tdcr_planner.files import check_file, check_file_target
+from tdcr_planner.locks import LockState, try_lock
 from tdcr_planner.sweep.suite import Suite
 
 JOURNAL_NAME = "jobs.jsonl"
 JOURNAL_FORMAT = "tdcr-sweep/1"
+logger = logging.getLogger(__name__)
 
 
 class Journal:
@@ -56,7 +59,7 @@ def open_journal(folder: str | Path, suite: Suite) -> Iterator[Journal]:
     """Opens the journal of a sweep in its output folder, with the records of earlier runs.
 
     A last line that was cut short when an earlier run was killed is dropped. While it is open, no other process can
-    open it.
+    open it; where the file system has no locks, a warning says so.
 
     Args:
         folder: The output folder, made when it is missing.
@@ -66,6 +69,9 @@ def open_journal(folder: str | Path, suite: Suite) -> Iterator[Journal]:
         FormatError: The folder cannot be written, holds another sweep, or is in use by a running one.
     """
     path = Path(folder) / JOURNAL_NAME
+    check_file_target(path)
+    if os.path.exists(path):
+        check_file(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # Without a buffer: what a full disk refuses is not kept back, to be refused again when the file is closed.
@@ -73,10 +79,11 @@ def open_journal(folder: str | Path, suite: Suite) -> Iterator[Journal]:
     except OSError as error:
         raise FormatError(path.parent, f"cannot be written: {error.strerror}") from error
     with stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise FormatError(path, "another sweep is writing into this folder at this moment") from error
+        state = try_lock(stream.fileno())
+        if state is LockState.IN_USE:
+            raise FormatError(path, "another sweep is writing into this folder at this moment")
+        if state is LockState.UNAVAILABLE:
+            logger.warning("%s: its file system has no file locks; start no second sweep into this folder", path)
         lines = _complete_lines(stream)
         journal = Journal(path, stream, _read_records(path, lines, suite))
         if not lines:

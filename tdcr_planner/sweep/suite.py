@@ -14,8 +14,10 @@ from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.files import (
     FileModel,
     Positive,
+    find_named_file,
     parse_table,
     read_toml,
+    real_path,
     sha256_of_file,
     sha256_of_json,
 )
@@ -136,8 +138,8 @@ def load_suite(path: str | Path) -> Suite:
         FormatError: The suite, one of its scenarios or a file that they name is missing or not what it should be; a
             planner or model is unknown; there is nothing to do.
     """
-    file = Path(path).resolve()
-    content = parse_table(SuiteFile, read_toml(file), path)
+    file = real_path(path)
+    content = parse_table(SuiteFile, read_toml(path), path)
     for index, planner in enumerate(content.planners):
         try:
             _check_planner(planner)
@@ -168,9 +170,7 @@ def _check_planner(planner: str) -> None:
 
 def _load_entry(suite: Path, entry: SuiteEntry, index: int, content: SuiteFile) -> Scenario:
     place = f"scenarios[{index + 1}].file"
-    target = (suite.parent / entry.file).resolve()
-    if not target.is_file():
-        raise FormatError(suite, f"no such file: {target}", place)
+    target = find_named_file(suite.parent / entry.file, suite, place)
     scenario = load_scenario(target)
     if "learned" in content.models and scenario.shape_model_path is None:
         raise FormatError(suite, f"models has 'learned', but {target} names no shape_model", place)

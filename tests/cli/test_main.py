@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdcr_planner.cli.main import COMMANDS, run
+from tdcr_planner.cli.commands import COMMANDS
+from tdcr_planner.cli.main import run
 from tdcr_planner.robot import load_robot
 from tdcr_planner.statics.solver import solve_statics
 
@@ -127,7 +128,7 @@ def test_ctrl_c_says_what_was_kept(monkeypatch: pytest.MonkeyPatch, capsys: pyte
 
     monkeypatch.setitem(COMMANDS, "info", interrupted)
     assert run(["info"]) == 1
-    assert "interrupted: nothing was written by this run" in capsys.readouterr().err
+    assert "interrupted: no file is left half-written" in capsys.readouterr().err
 
 
 def test_info_describes_a_robot(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
