@@ -50,17 +50,17 @@ def run(arguments: Sequence[str] | None = None) -> int:
 def main() -> None:
     """Runs the tdcr command of this process."""
     with ending_signals():
+        code = EXIT_NOT_REACHED
         try:
             prepare_streams()
             code = run()
             sys.stdout.flush()
         except BrokenPipeError:
-            # Whoever reads the output, `head` for example, has seen enough.
+            # Whoever reads the output, `head` for example, has seen enough; what was done by then is done.
             discard_output()
-            code = EXIT_NOT_REACHED
         except KeyboardInterrupt:
-            # One more interrupt, while the first was being answered.
-            code = EXIT_NOT_REACHED
+            # One more interrupt, while the first was being answered, or one after the end.
+            pass
         except OSError as error:
             if error.filename is not None:
                 raise

@@ -8,6 +8,7 @@ import platform
 import warnings
 import zipfile
 from importlib.metadata import version
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +48,7 @@ def write_model(path: Path, network: nn.Module, card: ModelCard, weights: Shooti
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=r"`torch\.jit\..*` is deprecated", category=DeprecationWarning)
         torch.jit.save(script_module(network), buffer, _extra_files=extra)
-    write_bytes(path, _without_debug_records(buffer))
+    write_bytes(path, _canonical_archive(buffer))
 
 
 def library_versions() -> dict[str, str]:
@@ -56,17 +57,30 @@ def library_versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in names}}
 
 
-def _without_debug_records(archive: io.BytesIO) -> bytes:
-    """Returns a TorchScript archive without the places in the source that its code came from.
+def _canonical_archive(archive: io.BytesIO) -> bytes:
+    """Returns a TorchScript archive without what differs between two runs that train the same model.
 
-    They are for error messages only, and name folders of the machine that made the file.
+    The places in the source that its code came from are for error messages only, and name folders of the machine.
+    The number that torch gives the archive follows from all of them, and nothing needs it. A module's constants stand
+    in an order that Python draws anew for each process; sorted, they mean the same.
     """
     kept = io.BytesIO()
     with zipfile.ZipFile(archive) as source, zipfile.ZipFile(kept, "w", zipfile.ZIP_STORED) as target:
         for record in source.infolist():
-            if not record.filename.endswith(".debug_pkl"):
-                target.writestr(zipfile.ZipInfo(record.filename), source.read(record))
+            if record.filename.endswith((".debug_pkl", "/.data/serialization_id")):
+                continue
+            content = source.read(record)
+            if record.filename.endswith(".py"):
+                content = _with_sorted_constants(content)
+            target.writestr(zipfile.ZipInfo(record.filename), content)
     return kept.getvalue()
+
+
+def _with_sorted_constants(code: bytes) -> bytes:
+    """Returns a module's serialized code with each group of lines `name : Final[...] = value` in order."""
+    lines = code.decode().split("\n")
+    groups = groupby(lines, key=lambda line: " : Final[" in line)
+    return "\n".join(line for constant, group in groups for line in (sorted(group) if constant else group)).encode()
 
 
 def _weights_as_bytes(weights: ShootingWeights) -> bytes:

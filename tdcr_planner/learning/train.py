@@ -334,7 +334,8 @@ def _compiled_predictor(function: ShootingFunction) -> Predict:
 
 def _torch_predictor(network: nn.Module) -> Predict:
     def predict(cases: Cases) -> tuple[FloatArray, FloatArray, FloatArray]:
-        inputs = (torch.as_tensor(array) for array in (cases.tensions, cases.gravity, cases.tip_force))
+        arrays = (cases.tensions, cases.gravity, cases.tip_force)
+        inputs = (torch.as_tensor(np.require(array, requirements="W")) for array in arrays)
         with torch.no_grad():
             positions, rotations = network(*inputs)
         return positions.numpy(), rotations.numpy(), np.full(len(cases), np.nan)

@@ -183,7 +183,8 @@ class LearnedShape:
     ) -> tuple[FloatArray, FloatArray]:
         import torch
 
-        inputs = [torch.from_numpy(np.ascontiguousarray(array)) for array in (tensions, gravity, tip_force)]
+        # One load for all rows is a view that torch could not write to, of which it warns.
+        inputs = [torch.from_numpy(np.require(array, requirements="CW")) for array in (tensions, gravity, tip_force)]
         with torch.inference_mode():
             positions, rotations = self.torch_module(*inputs)
         return positions.numpy(), rotations.numpy()

@@ -25,6 +25,42 @@ def test_reads_what_was_measured(small_robot, bench):
     assert (measured.cases.tip_force == 0.0).all()
 
 
+def test_tensions_count_from_one_as_in_a_trajectory_or_from_zero(small_robot, bench):
+    from_zero = read_measured_shapes(bench, small_robot)
+    header, rest = bench.read_text().split("\n", 1)
+    for tendon in (2, 1, 0):
+        header = header.replace(f"tension_{tendon}_n", f"tension_{tendon + 1}_n")
+    bench.write_text(header + "\n" + rest)
+    from_one = read_measured_shapes(bench, small_robot)
+    np.testing.assert_array_equal(from_one.cases.tensions, from_zero.cases.tensions)
+    change(bench, "tension_1_n", "tension_4_n")
+    with pytest.raises(FormatError, match="missing columns: tension_1_n$"):
+        read_measured_shapes(bench, small_robot)
+
+
+def test_a_table_as_a_spreadsheet_saves_it(small_robot, bench):
+    expected = read_measured_shapes(bench, small_robot)
+    text = bench.read_text()
+    bench.write_bytes(text.replace("\n", "\r\n").encode("utf-8-sig"))
+    np.testing.assert_array_equal(read_measured_shapes(bench, small_robot).positions, expected.positions)
+    bench.write_text(text.replace(",", ";"))
+    with pytest.raises(FormatError, match="separated by commas, got semicolons"):
+        read_measured_shapes(bench, small_robot)
+    bench.write_bytes(text.encode("utf-16"))
+    with pytest.raises(FormatError, match="save it as UTF-8"):
+        read_measured_shapes(bench, small_robot)
+    bench.write_text('tension_1_n,"' + 200_000 * "a")
+    with pytest.raises(FormatError, match="not valid CSV"):
+        read_measured_shapes(bench, small_robot)
+
+
+def test_a_fault_is_named_as_the_file_counts(small_robot, write_csv, tmp_path):
+    header = [f"tension_{i}_n" for i in (1, 2, 3)] + [f"disk_6_{axis}_m" for axis in "xyz"]
+    path = write_csv(tmp_path / "bench.csv", header, [[0, 0, -1, 0, 0, 0.2]])
+    with pytest.raises(FormatError, match="tension_3_n: expected 0 to 3.5 N, got -1"):
+        read_measured_shapes(path, small_robot)
+
+
 def test_an_unseen_marker_is_an_empty_field(small_robot, bench):
     lines = bench.read_text().splitlines()
     fields = lines[3].split(",")
