@@ -139,8 +139,14 @@ def _decode(path: str | Path, content: bytes) -> str:
     for mark, encoding in _BYTE_ORDER_MARKS:
         if content.startswith(mark) and _is_text_in(content, encoding):
             raise FormatError(path, f"is text in {encoding}, expected UTF-8; save it as UTF-8")
+    if 0 in content:
+        # Western text in UTF-16 has a null byte in almost every pair.
+        for encoding, nulls in (("UTF-16-LE", content[1::2]), ("UTF-16-BE", content[0::2])):
+            if 2 * nulls.count(0) > len(nulls) and _is_text_in(content, encoding):
+                raise FormatError(path, "is text in UTF-16, expected UTF-8; save it as UTF-8")
+        raise FormatError(path, "is not a text file")
     try:
-        text = content.decode("utf-8-sig")
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         if not _BINARY.isdisjoint(content):
             raise FormatError(path, "is not a text file") from error
@@ -153,13 +159,6 @@ def _decode(path: str | Path, content: bytes) -> str:
             "save it as UTF-8",
             f"line {line}",
         ) from error
-    if "\0" in text:
-        # Western text in UTF-16 has a null byte in every pair.
-        for encoding, nulls in (("UTF-16-LE", content[1::2]), ("UTF-16-BE", content[0::2])):
-            if 2 * nulls.count(0) > len(nulls) and _is_text_in(content, encoding):
-                raise FormatError(path, "is text in UTF-16, expected UTF-8; save it as UTF-8")
-        raise FormatError(path, "is not a text file")
-    return text
 
 
 def _is_text_in(content: bytes, encoding: str) -> bool:
