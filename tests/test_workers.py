@@ -1,5 +1,7 @@
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -81,6 +83,42 @@ def test_closing_ends_the_workers():
     time.sleep(0.1)
     with pytest.raises(ProcessLookupError):
         os.kill(pid, signal.SIGCONT)
+
+
+PARENT = """
+import sys
+from tdcr_planner.workers import run_jobs
+if __name__ == "__main__":
+    jobs = ["__import__('os').getpid()", "__import__('time').sleep(600)", "__import__('time').sleep(600)"]
+    running = run_jobs(eval, jobs, workers=2)
+    print(next(running).value, flush=True)
+    next(running)
+"""
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path):
+    program = tmp_path / "parent.py"
+    program.write_text(PARENT)
+    with subprocess.Popen([sys.executable, program], stdout=subprocess.PIPE, text=True) as parent:
+        pid = int(parent.stdout.readline())
+        parent.kill()
+    end = time.monotonic() + 20.0
+    while is_running(pid) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not is_running(pid)
+
+
+def is_running(pid):
+    """Whether a process works; one that has ended may stay in the table until somebody asks for its exit code."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    stat = f"/proc/{pid}/stat"
+    if not os.path.exists(stat):
+        return True
+    with open(stat) as stream:
+        return stream.read().rpartition(")")[2].split()[0] != "Z"
 
 
 def test_refuses_no_workers():

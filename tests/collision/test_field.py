@@ -201,6 +201,28 @@ def test_a_cache_that_cannot_be_read_is_computed_again(cached_ball, caplog):
     assert "cannot be read, so the field is computed again" in caplog.text
 
 
+def test_a_cache_that_others_can_write_to_is_not_used(cached_ball, caplog):
+    mesh, built, file = cached_ball
+    file.parent.chmod(0o777)
+    wrong = bytes(len(file.read_bytes()) - 32)
+    file.write_bytes(hashlib.sha256(wrong).digest() + wrong)
+    with caplog.at_level(logging.WARNING):
+        for _ in range(2):
+            np.testing.assert_array_equal(build_field(mesh, make_side(mesh), CELLS).values, built.values)
+    (record,) = caplog.records
+    assert "other users can write there; TDCR_CACHE_DIR can name" in record.message
+
+
+def test_a_stored_field_that_others_can_write_to_is_computed_again(cached_ball, caplog):
+    mesh, built, file = cached_ball
+    wrong = bytes(len(file.read_bytes()) - 32)
+    file.write_bytes(hashlib.sha256(wrong).digest() + wrong)
+    file.chmod(0o666)
+    with caplog.at_level(logging.WARNING):
+        np.testing.assert_array_equal(build_field(mesh, make_side(mesh), CELLS).values, built.values)
+    assert "can be written by other users" in caplog.text
+
+
 def test_another_role_or_entry_has_another_field(shapes, tmp_path, monkeypatch):
     monkeypatch.setenv("TDCR_CACHE_DIR", str(tmp_path))
     ball = shapes.sphere(0.05)

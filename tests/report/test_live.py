@@ -1,3 +1,4 @@
+import socket
 import threading
 import time
 import urllib.request
@@ -7,7 +8,7 @@ import pytest
 
 from tdcr_planner.errors import InputError
 from tdcr_planner.report import live
-from tdcr_planner.report.live import serve_live
+from tdcr_planner.report.live import find_port, serve_live
 from tdcr_planner.report.live_scene import Controls
 from tdcr_planner.session import PlanningSession
 
@@ -42,6 +43,46 @@ def test_a_slider_for_each_tendon_within_its_limits_then_insertion_and_roll(view
     assert [slider.max for slider in viewer._tendons] == robot.max_tensions.tolist()
     assert (viewer._insertion.min, viewer._insertion.max) == pytest.approx((-150.0, 50.0))
     assert (viewer._roll.min, viewer._roll.max) == pytest.approx((-180.0, 180.0))
+
+
+@pytest.mark.parametrize("port", [-1, 65536, 80000])
+def test_a_port_that_cannot_be_is_refused(port):
+    with pytest.raises(InputError, match=f"--port: expected a port from 0 to 65535, got {port}"):
+        find_port("127.0.0.1", port)
+
+
+@pytest.mark.parametrize("host", ["nowhere.invalid", "a" * 300, "::1"])
+def test_a_host_that_cannot_be_is_refused(host):
+    with pytest.raises(InputError, match="--host: expected an IPv4 address"):
+        find_port(host, 0)
+
+
+def test_an_address_of_another_machine_is_refused():
+    with pytest.raises(InputError, match="--port: expected a port of 192.0.2.1 to listen at"):
+        find_port("192.0.2.1", 0)
+
+
+def test_the_next_free_port_is_found():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert find_port("127.0.0.1", port) > port
+    assert find_port("127.0.0.1", 0) > 0
+
+
+def test_ports_that_are_all_taken_are_told():
+    with (
+        socket.create_server(("127.0.0.1", 65535)),
+        pytest.raises(InputError, match="with a free one from it to 65535"),
+    ):
+        find_port("127.0.0.1", 65535)
+
+
+def test_only_this_machine_is_listened_to(viewer):
+    """Another address of this machine, such as 127.0.0.2, gets no answer."""
+    assert viewer.address.startswith("http://127.0.0.1:")
+    port = int(viewer.address.rpartition(":")[2])
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.2", port), timeout=5.0)
 
 
 def test_moving_a_slider_moves_the_robot_and_the_bending_vector(viewer, session):

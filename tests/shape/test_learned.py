@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import textwrap
+import warnings
 import zipfile
 from pathlib import Path
 
@@ -277,6 +278,15 @@ def test_torchscript_has_gradients_by_its_inputs(inspection):
     behind = inspection.disk_poses(np.array([[1.0, 0.5, 0.2]]) - step, gravity=[0.0, 0.0, -9.81]).positions[0, -1, 0]
     # Single-precision weights leave about 1e-7 m in each difference of 2e-4 N.
     np.testing.assert_allclose(tensions.grad[0, 0].item(), (ahead - behind) / 2e-4, rtol=2e-2)
+
+
+def test_loads_for_all_rows_are_answered_without_a_warning_of_torch():
+    published = load_shape_model(ROOT / "models/shape/paper/published.pt")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        one = published.disk_poses([[1.0, 0.5, 0.0]], gravity=[0.0, 0.0, 0.0]).positions
+        two = published.disk_poses([[1.0, 0.5, 0.0]] * 2, gravity=np.zeros(3), tip_force=np.zeros(3)).positions
+    np.testing.assert_allclose(two, np.repeat(one, 2, axis=0), rtol=0.0, atol=1e-7)
 
 
 def test_a_module_that_has_answered_still_has_gradients():

@@ -87,6 +87,18 @@ def test_a_scheduler_without_workers(dask_cluster, suite, fake_jobs, tmp_path, m
     assert outcome.records == {}
 
 
+@pytest.mark.parametrize(
+    ("address", "advice"),
+    [("tls://127.0.0.1:9", "distributed.comm.tls"), ("ucx://127.0.0.1:9", "distributed.comm.ucx"), ("x://h:1", "tcp")],
+)
+def test_a_transport_that_is_not_set_up_is_one_line(suite, tmp_path, monkeypatch, address, advice):
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    outcome = run_sweep(suite, tmp_path / "out", dask_backend(address))
+    assert outcome.interrupted.startswith(f"no scheduler answers at {address}: ")
+    assert advice in outcome.interrupted
+    assert "\n" not in outcome.interrupted
+
+
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "no address at all"])
 def test_no_scheduler_answers(suite, tmp_path, monkeypatch, address):
     monkeypatch.setattr(cluster, "CONNECT_S", 0.5)

@@ -1,10 +1,12 @@
 import json
+import os
 import resource
 from contextlib import contextmanager
 
 import pytest
 
 from tdcr_planner.errors import FormatError
+from tdcr_planner.locks import LockState
 from tdcr_planner.sweep.journal import JOURNAL_NAME, open_journal
 from tdcr_planner.sweep.suite import load_suite
 
@@ -80,6 +82,21 @@ def test_refuses_a_folder_in_use(suite, tmp_path):
         pytest.raises(FormatError, match="at this moment"),
         open_journal(tmp_path / "out", suite),
     ):
+        pass
+
+
+def test_a_file_system_without_locks_is_a_warning_and_no_other_sweep(suite, tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr("tdcr_planner.sweep.journal.try_lock", lambda _: LockState.UNAVAILABLE)
+    with open_journal(tmp_path / "out", suite) as journal:
+        journal.add(0, RECORD)
+    assert "has no file locks; start no second sweep" in caplog.text
+    with open_journal(tmp_path / "out", suite) as journal:
+        assert journal.records == {0: RECORD}
+
+
+def test_a_pipe_in_the_place_of_the_journal_is_refused(suite, tmp_path):
+    os.mkfifo(tmp_path / JOURNAL_NAME)
+    with pytest.raises(FormatError, match="is a pipe, expected a file"), open_journal(tmp_path, suite):
         pass
 
 
