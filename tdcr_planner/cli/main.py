@@ -55,9 +55,6 @@ def main() -> None:
             prepare_streams()
             code = run()
             sys.stdout.flush()
-        except BrokenPipeError:
-            # Whoever reads the output, `head` for example, has seen enough; what was done by then is done.
-            discard_output()
         except KeyboardInterrupt:
             # One more interrupt, while the first was being answered, or one after the end.
             pass
@@ -65,7 +62,7 @@ def main() -> None:
             if error.filename is not None:
                 raise
             print(f"error: the output cannot be written: {error.strerror}", file=sys.stderr)
-            discard_output()
+            discard_output(sys.stdout)
             code = EXIT_NOT_REACHED
     sys.exit(code)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import _thread
+import os
 import signal
 import sys
 import threading
@@ -21,12 +21,12 @@ _AGAIN_S = 0.05
 
 
 class _State:
-    came = False
+    number: int | None = None
 
 
 def was_interrupted() -> bool:
     """Whether one of the signals has come: an error raised since then may be what a library made of it."""
-    return _State.came
+    return _State.number is not None
 
 
 @contextmanager
@@ -35,7 +35,7 @@ def ending_signals() -> Iterator[None]:
 
     A signal that is ignored, as under `nohup`, stays ignored.
     """
-    _State.came = False
+    _State.number = None
     numbers = [number for number in _ENDING if signal.getsignal(number) is not signal.SIG_IGN]
     hook, sys.unraisablehook = sys.unraisablehook, _raise_again
     for number in numbers:
@@ -50,14 +50,16 @@ def ending_signals() -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-    _State.came = True
+    _State.number = number
     raise KeyboardInterrupt
 
 
 def _raise_again(unraisable: UnraisableHookArgs) -> None:
     """Raises an interrupt again that hit a finaliser or a callback, where Python would print and forget it."""
-    if issubclass(unraisable.exc_type, KeyboardInterrupt):
-        timer = threading.Timer(_AGAIN_S, _thread.interrupt_main)
+    number = _State.number
+    if issubclass(unraisable.exc_type, KeyboardInterrupt) and number is not None:
+        # From another thread: raised in this one, it would hit this function. A true signal also ends a sleep.
+        timer = threading.Timer(_AGAIN_S, lambda: os.kill(os.getpid(), number))
         timer.daemon = True
         timer.start()
     else:

@@ -49,8 +49,8 @@ def train(
     from tdcr_planner.workers import ALLOWED_LOSSES
 
     backend = choose_backend(jobs, scheduler, losses=ALLOWED_LOSSES)
-    for target in (out, checkpoint_path(out)):
-        check_file_target(target)
+    check_file_target(out)
+    check_file_target(checkpoint_path(out))
     spec, settings = load_robot(robot), load_train_settings(config)
     with StageBar(shown=progress) as bar:
         try:

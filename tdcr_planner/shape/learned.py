@@ -184,7 +184,9 @@ class LearnedShape:
         import torch
 
         # One load for all rows is a view that torch could not write to, of which it warns.
-        inputs = [torch.from_numpy(np.require(array, requirements="CW")) for array in (tensions, gravity, tip_force)]
+        inputs = [
+            torch.from_numpy(np.require(array, requirements=("C", "W"))) for array in (tensions, gravity, tip_force)
+        ]
         with torch.inference_mode():
             positions, rotations = self.torch_module(*inputs)
         return positions.numpy(), rotations.numpy()
