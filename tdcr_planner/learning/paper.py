@@ -15,11 +15,11 @@ from tdcr_planner.files import sha256_of_json
 from tdcr_planner.learning.checkpoint import checkpoint_path, load_checkpoint, save_checkpoint
 from tdcr_planner.learning.dataset import Progress, no_progress
 from tdcr_planner.learning.logs import TrainingLog
-from tdcr_planner.learning.paper_network import PaperNetwork
 from tdcr_planner.learning.paper_physics import RodEquations, rotation_distance_loss
 from tdcr_planner.learning.paper_points import PaperPoints, ReferencePoints
 from tdcr_planner.learning.settings import TrainSettings
 from tdcr_planner.robot import RobotSpec
+from tdcr_planner.shape.paper_network import PaperNetwork
 
 # Epochs over which the authors average the loss that the plateau is judged by.
 _AVERAGED_EPOCHS = 6

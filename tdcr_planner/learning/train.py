@@ -29,13 +29,13 @@ from tdcr_planner.learning.judge import Predict, calibrate_bound, measure_accura
 from tdcr_planner.learning.loads import check_domain
 from tdcr_planner.learning.logs import TrainingLog
 from tdcr_planner.learning.losses import physics_loss, reference_loss
-from tdcr_planner.learning.network import ShootingNetwork, learned_weights
 from tdcr_planner.learning.settings import TrainSettings
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import CARD_FORMAT, Calibration, ModelCard
 from tdcr_planner.shape.learned import load_shape_model
 from tdcr_planner.shape.rod_kernel import RodConstants, rod_constants, tip_residual, tip_residual_jacobian
 from tdcr_planner.shape.shooting import ShootingFunction
+from tdcr_planner.shape.shooting_network import ShootingNetwork, learned_weights
 from tdcr_planner.workers import Backend
 
 # Seeds of the independent random streams of a training.
