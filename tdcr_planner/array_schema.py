@@ -58,12 +58,14 @@ class ArraySchema:
     Attributes:
         kind: What the file is, for messages.
         arrays: The arrays by name; others are refused.
-        most: Largest length of each named axis, for what the caller does not know: bounds the memory.
+        most: Largest length of each named axis that the caller does not know.
+        most_bytes: Largest size of all arrays together: what a laptop can hold twice.
     """
 
     kind: str
     arrays: Mapping[str, ArraySpec]
     most: Mapping[str, int]
+    most_bytes: int = 2**32
 
 
 def read_arrays(
@@ -88,7 +90,7 @@ def read_arrays(
     """
     found: Sizes = dict(sizes or {})
     largest = sum(_most_bytes(spec, {**schema.most, **found}) for spec in schema.arrays.values())
-    with open_archive(path, schema.kind, largest, content) as archive:
+    with open_archive(path, schema.kind, min(largest, schema.most_bytes), content) as archive:
         records = {name.removesuffix(_ENDING): name for name in archive.names}
         check_names(path, schema, [name for name, record in records.items() if record.endswith(_ENDING)])
         headers = {name: _read_header(archive, name) for name in schema.arrays if name in records}

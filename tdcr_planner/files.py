@@ -38,7 +38,7 @@ def describe_value(value: object) -> str:
 
 def _check_number(value: Any) -> Any:
     if isinstance(value, bool | str):
-        raise ValueError(f"expected a number, got {describe_value(value)}")
+        raise ValueError(f"input should be a valid number, got {describe_value(value)}")
     if isinstance(value, int | float) and LARGEST_NUMBER < abs(value) < math.inf:
         raise ValueError(f"expected a number of at most {LARGEST_NUMBER:g} in size, got {describe_value(value)}")
     return value
@@ -76,6 +76,7 @@ class FileModel(BaseModel):
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
+Count = Annotated[int, Field(ge=0)]
 Vector3 = tuple[float, float, float]
 
 Model = TypeVar("Model", bound=BaseModel)

@@ -11,6 +11,7 @@ import tyro
 
 from tdcr_planner.cli.compare import compare
 from tdcr_planner.cli.evaluate import evaluate
+from tdcr_planner.cli.fault import EXIT_FAULT, describe_memory_fault, is_memory_fault, report_fault
 from tdcr_planner.cli.info import info
 from tdcr_planner.cli.plan import plan
 from tdcr_planner.cli.roadmap import roadmap
@@ -25,7 +26,7 @@ from tdcr_planner.workers import WorkersError
 
 DESCRIPTION = """Plan, verify and look at tendon trajectories of continuum robots in triangle meshes.
 
-Exit codes: 0 done (for plan: a verified path), 1 tried and not reached, 2 bad input.
+Exit codes: 0 done (for plan: a verified path), 1 tried and not reached, 2 bad input, 70 a fault of the program.
 """
 COMMANDS: dict[str, Callable[..., int]] = {
     "plan": plan,
@@ -62,6 +63,14 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted: nothing was written by this run; earlier files are as they were", file=sys.stderr)
         return EXIT_NOT_REACHED
+    except BrokenPipeError:
+        raise
+    except Exception as error:
+        if is_memory_fault(error):
+            print(describe_memory_fault(), file=sys.stderr)
+            return EXIT_NOT_REACHED
+        print(report_fault(error, arguments), file=sys.stderr)
+        return EXIT_FAULT
 
 
 def main() -> None:

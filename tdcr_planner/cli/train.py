@@ -39,6 +39,7 @@ def train(
         progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
     from tdcr_planner.cli.backend import choose_backend
+    from tdcr_planner.cli.cost import tell_cost, training_cost
     from tdcr_planner.cli.progress import StageBar
     from tdcr_planner.learning.checkpoint import checkpoint_path
     from tdcr_planner.learning.fitting import train_on_measured
@@ -49,6 +50,8 @@ def train(
 
     backend = choose_backend(jobs, scheduler, losses=ALLOWED_LOSSES)
     spec, settings = load_robot(robot), load_train_settings(config)
+    seconds, memory = training_cost(spec, settings)
+    tell_cost("training", seconds, memory)
     with StageBar(shown=progress) as bar:
         try:
             if settings.measured is None:

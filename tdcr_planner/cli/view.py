@@ -40,6 +40,7 @@ def view(
             the robot touches is shown in place.
         port: Port of the live viewer.
     """
+    from tdcr_planner.bounds import PORT
     from tdcr_planner.errors import FormatError, TdcrError
     from tdcr_planner.files import write_file_whole
     from tdcr_planner.planning.scenario import load_scenario
@@ -48,6 +49,7 @@ def view(
     from tdcr_planner.report.results import read_result
     from tdcr_planner.report.scene_html import write_html
 
+    PORT.check("--port", port)
     if live:
         return _view_live(file, port, open_browser)
     result = None

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.files import sha256_of_json
-from tdcr_planner.learning.checkpoint import checkpoint_path, load_checkpoint, save_checkpoint
+from tdcr_planner.learning.checkpoint import checkpoint_path, load_checkpoint, optimiser_like, save_checkpoint
 from tdcr_planner.learning.dataset import (
     Cases,
     Progress,
@@ -130,7 +130,7 @@ def train_shooting_network(
     run = _Run(robot, settings, network, prepare_data(robot, settings, progress, backend))
     path = checkpoint_path(out)
     keys = robot.mechanics_hash, settings_hash(settings)
-    state = load_checkpoint(path, *keys)
+    state = load_checkpoint(path, *keys, run.state_like())
     if state is not None:
         run.restore(state)
     with TrainingLog(log_folder) as log:
@@ -311,6 +311,10 @@ class _Run:
             "optimiser": self.optimiser.state_dict(),
             "schedule": self.schedule.state_dict(),
         }
+
+    def state_like(self) -> dict[str, Any]:
+        """Returns what `state` looks like after an epoch, for `check_like`."""
+        return {**self.state(), "optimiser": optimiser_like(self.optimiser)}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Goes on where `state` was taken."""

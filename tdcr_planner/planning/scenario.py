@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.bounds import SEARCH_SEED, TIME_S
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
 from tdcr_planner.files import FileModel, NotNegative, Positive, Vector3, parse_table, read_toml, sha256_of_file
 from tdcr_planner.robot import RobotSpec, load_robot
@@ -177,8 +178,8 @@ class PlannerSettings(FileModel):
     """
 
     name: str = "RRTConnect"
-    time_limit_s: Positive = 10.0
-    seed: Annotated[int, Field(ge=1, le=2**31 - 1)] = 1
+    time_limit_s: Annotated[float, AfterValidator(TIME_S.validate)] = 10.0
+    seed: Annotated[int, AfterValidator(SEARCH_SEED.validate)] = 1
     step_m: Annotated[float, Field(ge=1e-5, le=0.1)] = 0.002
     clearance_m: NotNegative = 0.0005
     validity: Validity = "learned"
@@ -301,8 +302,8 @@ class Scenario:
             name = ".".join(str(item) for item in fault["loc"])
             if fault["type"] == "extra_forbidden":
                 raise UnknownNameError("planner", name, PlannerSettings.model_fields) from error
-            expected = str(fault["msg"]).removeprefix("Input should be ")
-            raise InputError(f"planner.{name}", expected, repr(fault["input"])) from error
+            expected = str(fault["msg"]).removeprefix("Input should be ").removeprefix("Value error, expected ")
+            raise InputError(f"planner.{name}", expected.partition(", got ")[0], repr(fault["input"])) from error
         return Scenario(self.path, self.sha256, self.file.model_copy(update={"planner": settings}), self.robot)
 
 
