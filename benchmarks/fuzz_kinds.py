@@ -290,6 +290,8 @@ def _option(random: Random) -> tuple[tuple[str, ...], str]:
     return (*command, f"{option}={value}"), f"{option}={value[:20]}"
 
 
+_JOURNAL, _CHECKPOINT = f"sweep/{JOURNAL_NAME}", "model.pt.checkpoint"
+
 KINDS = [
     Kind("robot", "robot.toml", (("info", "robot.toml"),), _toml("robot.toml")),
     Kind("robot, solved", "robot.toml", (("solve", "robot.toml", "--bending-n", "0.2,0"),), _toml("robot.toml")),
@@ -307,15 +309,8 @@ KINDS = [
     Kind("roadmap arrays", "roadmap.npz", (("info", "roadmap.npz"),), _roadmap_arrays),
     Kind("result", "result/result.json", (("info", "result/result.json"),), _result),
     Kind("shapes", "result/shapes.npz", (("info", "result/result.json"),), _binary("result/shapes.npz")),
-    Kind(
-        "journal", f"sweep/{JOURNAL_NAME}", (("read-journal", f"sweep/{JOURNAL_NAME}"),), _text(f"sweep/{JOURNAL_NAME}")
-    ),
-    Kind(
-        "checkpoint",
-        "model.pt.checkpoint",
-        (("read-checkpoint", "model.pt.checkpoint"),),
-        _binary("model.pt.checkpoint"),
-    ),
+    Kind("journal", _JOURNAL, (("read-journal", _JOURNAL),), _text(_JOURNAL)),
+    Kind("checkpoint", _CHECKPOINT, (("read-checkpoint", _CHECKPOINT),), _binary(_CHECKPOINT)),
     Kind("measured", "measured.csv", (("read-measured", "measured.csv"),), _text("measured.csv")),
     Kind("options", option=_option),
 ]
