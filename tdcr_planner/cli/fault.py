@@ -50,7 +50,7 @@ def report_fault(error: BaseException, arguments: Sequence[str] | None) -> str:
     text = "".join(
         [
             f"tdcr-planner {version('tdcr-planner')}, Python {sys.version.split()[0]}, {sys.platform}\n",
-            f"arguments: {ascii(list(words))}\n\n",
+            f"arguments: {list(words)!a}\n\n",
             *traceback.format_exception(error),
         ]
     )

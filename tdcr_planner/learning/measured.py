@@ -16,6 +16,9 @@ from tdcr_planner.learning.loads import LARGEST_GRAVITY_M_S2, LARGEST_LOAD_RATIO
 from tdcr_planner.robot import RobotSpec
 
 
+MOST_SHAPES = 1_000_000
+
+
 @dataclass(frozen=True)
 class MeasuredShapes:
     """Tracked points of a real robot.
@@ -70,7 +73,12 @@ def read_measured_shapes(path: str | Path, robot: RobotSpec) -> MeasuredShapes:
 
 
 def _read_table(path: str | Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    table = list(csv.reader(read_text(path).splitlines()))
+    try:
+        table = list(csv.reader(read_text(path).splitlines()))
+    except csv.Error as error:  # a field of more than 131072 characters
+        raise FormatError(path, f"is no table: {error}") from error
+    if len(table) > MOST_SHAPES:
+        raise FormatError(path, f"expected at most {MOST_SHAPES:,} rows, got {len(table):,}: no bench measures so many")
     if len(table) < 2:
         raise FormatError(path, "expected a header and at least one row of measured values")
     header = [name.strip() for name in table[0]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickletools
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -143,12 +144,14 @@ class _Reader:
 
     def follow(self, pickle: bytes) -> Any:
         """Returns what the pickle describes."""
-        for operation, argument, _ in pickletools.genops(pickle):
-            if operation.name == "STOP":
-                break
-            if operation.name not in self._operations:
-                raise ValueError(f"operation {operation.name}")
-            self._operations[operation.name](argument)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # of escapes in texts that are refused
+            for operation, argument, _ in pickletools.genops(pickle):
+                if operation.name == "STOP":
+                    break
+                if operation.name not in self._operations:
+                    raise ValueError(f"operation {operation.name}")
+                self._operations[operation.name](argument)
         return self._stack.pop()
 
     def _pop_to_mark(self) -> list[Any]:
