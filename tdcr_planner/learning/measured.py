@@ -15,7 +15,6 @@ from tdcr_planner.learning.dataset import Cases
 from tdcr_planner.learning.loads import LARGEST_GRAVITY_M_S2, LARGEST_LOAD_RATIO, load_ratio
 from tdcr_planner.robot import RobotSpec
 
-
 MOST_SHAPES = 1_000_000
 
 
