@@ -77,10 +77,10 @@ class _VerificationTable(FileModel):
 class _Timings(FileModel):
     """Seconds that each stage took."""
 
-    load: NotNegative
-    plan: NotNegative
-    verify: NotNegative
-    total: NotNegative
+    load: NotNegative = 0.0
+    plan: NotNegative = 0.0
+    verify: NotNegative = 0.0
+    total: NotNegative = 0.0
 
 
 class _RoadmapUse(FileModel):
