@@ -250,7 +250,7 @@ def _model_parts(base: Path, random: Random) -> Change:
 _WHOLE = ("-1", "1000000000000", "99999999999999999999", "9" * 5000, "nan", "inf", "1.5", "true", "", "[1]")
 _TIMES = ("-1", "0", "nan", "inf", "1e308", "1e12", "abc", "9" * 5000, "")
 _SPREADS = ("-1", "nan", "inf", "1e308", "abc", "")
-_VECTORS = ("", "1", "1,2,3,4,5", "nan,0", "inf,0", "1e308,0", "a,b", "9" * 5000 + ",0", "1,,2", "1e12,0")
+_VECTORS = ("", "1", "1,2,3,4,5", "nan,0", "inf,0", "1e308,0", "a,b", "9" * 5000 + ",0", "1,,2", "1e12,0,0,0")
 _PLAN = ("plan", "scenario.toml", "--out", "out")
 _COMPARE = ("compare", "scenario.toml", "--out", "out")
 _ROBUST = ("robustness", "result/result.json")
