@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import os
 import resource
 import shutil
@@ -132,7 +133,7 @@ def fuzz(inputs: int, seed: int, kinds: list[Kind], folder: Path, told: Callable
         seed: Decides them.
         kinds: What to damage.
         folder: An empty folder to work in.
-        told: Called with a line an input that failed.
+        told: Called with a line for each input that failed, and now and then for how many there were.
     """
     base = folder / "base"
     base.mkdir()
@@ -141,7 +142,14 @@ def fuzz(inputs: int, seed: int, kinds: list[Kind], folder: Path, told: Callable
     if made.code != 0:
         raise SystemExit(f"the whole files could not be made: {made.err}")
     wholes: dict[tuple[str, ...], str] = {}
-    for command in {command for kind in kinds for command in kind.commands}:
+    for command in sorted({command for kind in kinds for command in kind.commands}):
+        # Here first, so that the processes to come find compiled code and libraries loaded.
+        with (
+            contextlib.chdir(base),
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(io.StringIO()),
+        ):
+            run(list(command))
         whole = in_child(base, lambda command=command: run(list(command)))
         if whole.code != 0:
             raise SystemExit(f"tdcr {' '.join(command)} does not read the whole file: {whole.err}")
@@ -172,6 +180,8 @@ def fuzz(inputs: int, seed: int, kinds: list[Kind], folder: Path, told: Callable
             place = f"{failed}: input {number}, {kind.name}, {what}"
             told(f"{place}: tdcr {' '.join(command)[:150]}: exit {ended.code}: {last[0][:300]}")
         shutil.rmtree(case)
+        if (number + 1) % 200 == 0:
+            told(f"{number + 1} inputs")
     return tallies
 
 
