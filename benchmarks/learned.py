@@ -23,10 +23,10 @@ import torch
 from tdcr_planner.learning.dataset import Cases, draw_cases, solve_cases
 from tdcr_planner.learning.evaluate import best_time, evaluate_model
 from tdcr_planner.learning.judge import body_errors
-from tdcr_planner.learning.paper_network import SECTOR
 from tdcr_planner.learning.settings import DomainSettings
 from tdcr_planner.robot import load_robot
-from tdcr_planner.shape.learned import LearnedShape, load_shape_model, load_torch_module
+from tdcr_planner.shape.learned import LearnedShape, load_shape_model
+from tdcr_planner.shape.paper_network import SECTOR
 
 ROOT = Path(__file__).resolve().parents[1]
 BATCHES = (1000, 10, 1)
@@ -59,7 +59,7 @@ def published_physics(model: LearnedShape, count: int) -> dict[str, float]:
 
     The residual of the cut form without loads is Kbt u - sum r_i x (-tau_i e3), there being no moment across any cut.
     """
-    robot, module = model.card.robot, load_torch_module(model.path)
+    robot, module = model.card.robot, model.torch_module
     random = np.random.default_rng(91)
     angle = torch.as_tensor(random.uniform(0.0, SECTOR, count))
     force = torch.as_tensor(random.uniform(0.0, float(robot.max_tensions[0]), count))

@@ -17,16 +17,17 @@ def choose_backend(jobs: int | None, scheduler: str | None, *, losses: int = 0) 
         losses: How often a job whose process on this machine died is given to another one.
 
     Raises:
-        InputError: Both are given, a number below 1, or dask.distributed is not installed.
+        InputError: Both are given, a number of processes that no machine has, or dask.distributed is not installed.
     """
+    from tdcr_planner.bounds import PROCESSES
     from tdcr_planner.cluster import dask_backend
     from tdcr_planner.errors import InputError
     from tdcr_planner.workers import local_backend
 
     if jobs is not None and scheduler is not None:
         raise InputError("--jobs", "only one of --jobs and --scheduler", "both")
-    if jobs is not None and jobs < 1:
-        raise InputError("--jobs", "1 or more", jobs)
+    if jobs is not None:
+        PROCESSES.check("--jobs", jobs)
     if scheduler is not None:
         return dask_backend(scheduler)
     return None if jobs is None else local_backend(jobs, losses=losses)

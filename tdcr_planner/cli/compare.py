@@ -37,6 +37,8 @@ def compare(
         jobs: Worker processes; the number of processors without it.
         progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
+    from tdcr_planner.bounds import PROCESSES, QUERIES, SAMPLES, SEED
+    from tdcr_planner.cli.cost import REFERENCE_S, SHAPE_BYTES, tell_cost
     from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.compare.comparison import compare as compare_scenario
     from tdcr_planner.files import check_folder
@@ -44,7 +46,18 @@ def compare(
     from tdcr_planner.report.compare_results import write_comparison
     from tdcr_planner.workers import usable_cpus
 
+    SAMPLES.check("--samples", samples)
+    QUERIES.check("--paths", paths)
+    SEED.check("--seed", seed)
+    if jobs is not None:
+        PROCESSES.check("--jobs", jobs)
     query = load_scenario(scenario)
+    processes = usable_cpus() if jobs is None else jobs
+    tell_cost(
+        "--samples",
+        (samples * REFERENCE_S + 3 * paths * query.planner.time_limit_s) / processes,
+        samples * query.robot.disk_count * SHAPE_BYTES,
+    )
     check_folder(out)
     with CountBar("comparing", shown=progress) as bar:
         found = compare_scenario(
@@ -52,7 +65,7 @@ def compare(
             samples=samples,
             paths=paths,
             seed=seed,
-            jobs=usable_cpus() if jobs is None else jobs,
+            jobs=processes,
             progress=bar.update,
         )
     write_comparison(found, out)

@@ -33,14 +33,19 @@ def evaluate(
         seed: Seed of the cases.
         progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
+    from tdcr_planner.bounds import EVALUATION_SAMPLES, SEED
+    from tdcr_planner.cli.cost import REFERENCE_S, SHAPE_BYTES, tell_cost
     from tdcr_planner.cli.progress import StageBar
     from tdcr_planner.files import check_folder
     from tdcr_planner.learning.evaluate import evaluate_model
     from tdcr_planner.shape.learned import load_shape_model
 
+    EVALUATION_SAMPLES.check("--samples", samples)
+    SEED.check("--seed", seed)
     if out is not None:
         check_folder(out)
     loaded = load_shape_model(model)
+    tell_cost("--samples", 4 * samples * REFERENCE_S, 2 * samples * loaded.robot.disk_count * SHAPE_BYTES)
     with StageBar(shown=progress) as bar:
         evaluation = evaluate_model(loaded, samples, seed=seed, progress=bar.update)
     text = describe(loaded, evaluation)

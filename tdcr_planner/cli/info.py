@@ -52,7 +52,7 @@ def info(file: tyro.conf.Positional[Path]) -> int:
         elif kind == "tdcr-suite/1":
             from tdcr_planner.sweep.suite import load_suite
 
-            print(_describe_suite(load_suite(file)))
+            print(_describe_suite(load_suite(file, import_planners=False)))
         else:
             raise FormatError(
                 file, f"expected 'tdcr-robot/1', 'tdcr-scenario/1' or 'tdcr-suite/1', got {kind!r}", "format"

@@ -6,13 +6,14 @@ import logging
 import sys
 from collections.abc import Sequence
 
+from tdcr_planner.cli.fault import EXIT_FAULT, describe_memory_fault, is_memory_fault, report_fault
 from tdcr_planner.cli.signals import ending_signals, was_interrupted
 from tdcr_planner.cli.streams import discard_output, one_line, prepare_streams
 from tdcr_planner.errors import TdcrError, WorkersError
 
 DESCRIPTION = """Plan, verify and look at tendon trajectories of continuum robots in triangle meshes.
 
-Exit codes: 0 done (for plan: a verified path), 1 tried and not reached, 2 bad input.
+Exit codes: 0 done (for plan: a verified path), 1 tried and not reached, 2 bad input, 70 a fault of the program.
 """
 EXIT_NOT_REACHED = 1
 EXIT_BAD_INPUT = 2
@@ -40,11 +41,17 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         return _say_interrupted()
-    except Exception:
+    except BrokenPipeError:
+        raise
+    except Exception as error:
         # Compiled code and imports may turn an interrupt into an error of their own.
         if was_interrupted():
             return _say_interrupted()
-        raise
+        if is_memory_fault(error):
+            print(describe_memory_fault(), file=sys.stderr)
+            return EXIT_NOT_REACHED
+        print(report_fault(error, arguments), file=sys.stderr)
+        return EXIT_FAULT
 
 
 def main() -> None:

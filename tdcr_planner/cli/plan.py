@@ -42,6 +42,7 @@ def plan(
     """
     import time
 
+    from tdcr_planner.cli.cost import tell_cost
     from tdcr_planner.cli.progress import TimeBar, remark_if_slow
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
@@ -53,6 +54,7 @@ def plan(
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
     check_folder(out, RESULT_FILES)
+    tell_cost("time_limit_s", query.planner.time_limit_s)
     with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
         session = PlanningSession(query)
         session.use_roadmap(roadmap)

@@ -38,6 +38,8 @@ def roadmap(
         seed: Seed of the sampling, in place of the scenario's.
         progress: Draw a progress bar while building.
     """
+    from tdcr_planner.bounds import SEARCH_SEED, TIME_S, VERTICES
+    from tdcr_planner.cli.cost import tell_cost
     from tdcr_planner.cli.progress import TimeBar, remark_if_slow
     from tdcr_planner.errors import InputError
     from tdcr_planner.files import check_file_target
@@ -46,14 +48,14 @@ def roadmap(
 
     if out.suffix != ".npz" or os.path.isdir(out):
         raise InputError("--out", "a file ending in .npz", repr(str(out)))
-    if not 0.0 < seconds < float("inf"):
-        raise InputError("--seconds", "a time above 0", seconds)
-    if vertices is not None and vertices < 1:
-        raise InputError("--vertices", "1 or more", vertices)
-    if seed is not None and seed < 1:
-        raise InputError("--seed", "1 or more", seed)
+    TIME_S.check("--seconds", seconds)
+    if vertices is not None:
+        VERTICES.check("--vertices", vertices)
+    if seed is not None:
+        SEARCH_SEED.check("--seed", seed)
     query = load_scenario(scenario)
     check_file_target(out)
+    tell_cost("--seconds", seconds)
     with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
         builder = PlanningSession(query).roadmap_builder(seed=seed)
     interrupted = False

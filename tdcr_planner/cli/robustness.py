@@ -43,6 +43,8 @@ def robustness(
         base_angle_deg: Of the base's orientation, about each axis, degrees.
         progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
+    from tdcr_planner.bounds import ROBOTS, SEED
+    from tdcr_planner.cli.cost import REFERENCE_S, SHAPE_BYTES, tell_cost
     from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.errors import FormatError
     from tdcr_planner.files import check_folder
@@ -51,9 +53,13 @@ def robustness(
     from tdcr_planner.robustness import Tolerances, assess_robustness
 
     tolerances = Tolerances(youngs_modulus, tension, mass, 1e-3 * base_position_mm, base_angle_deg)
+    ROBOTS.check("--samples", samples)
+    SEED.check("--seed", seed)
     planned = read_result(result)
     if planned.path is None:
         raise FormatError(result, f"holds no path to assess (status {planned.status.value!r})", "path")
+    states = len(planned.path)
+    tell_cost("--samples", 6 * samples * states * REFERENCE_S, samples * states * SHAPE_BYTES)
     if out is not None:
         check_folder(out)
     with CountBar("drawing robots", shown=progress) as bar:

@@ -39,6 +39,7 @@ def sweep(
         progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
     from tdcr_planner.cli.backend import choose_backend
+    from tdcr_planner.cli.cost import tell_cost
     from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.report.sweep_results import write_sweep
     from tdcr_planner.sweep.runner import run_sweep
@@ -47,6 +48,8 @@ def sweep(
 
     backend = choose_backend(jobs, scheduler) or local_backend(usable_cpus())
     content = load_suite(suite)
+    processes = 1 if scheduler is not None else jobs or usable_cpus()
+    tell_cost("suite, at its time limits", sum(job.time_limit_s for job in content.jobs) / processes)
     with CountBar("sweep", shown=progress) as bar:
         outcome = run_sweep(content, out, backend, retry_failed=retry_failed, progress=bar.update)
     write_sweep(outcome, out)

@@ -39,6 +39,7 @@ def train(
         progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
     from tdcr_planner.cli.backend import choose_backend
+    from tdcr_planner.cli.cost import tell_cost, training_cost
     from tdcr_planner.cli.progress import StageBar
     from tdcr_planner.files import check_file_target
     from tdcr_planner.learning.checkpoint import checkpoint_path
@@ -52,6 +53,8 @@ def train(
     check_file_target(out)
     check_file_target(checkpoint_path(out))
     spec, settings = load_robot(robot), load_train_settings(config)
+    seconds, memory = training_cost(spec, settings)
+    tell_cost("training", seconds, memory)
     with StageBar(shown=progress) as bar:
         try:
             if settings.measured is None:

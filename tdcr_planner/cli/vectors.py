@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.bounds import LOAD
 from tdcr_planner.errors import InputError
 
 
@@ -17,7 +18,7 @@ def parse_vector(name: str, text: str, length: int) -> FloatArray:
         length: How many there must be.
 
     Raises:
-        InputError: Another count, something that is no number, or a number that is not finite.
+        InputError: Another count, something that is no number, or a number that is not finite or far too large.
     """
     expected = f"{length} numbers separated by commas"
     try:
@@ -26,4 +27,6 @@ def parse_vector(name: str, text: str, length: int) -> FloatArray:
         raise InputError(name, expected, repr(text)) from error
     if values.size != length or not np.isfinite(values).all():
         raise InputError(name, expected, repr(text))
+    for value in values.tolist():
+        LOAD.check(name, value)
     return values

@@ -18,15 +18,18 @@ def verify(result: tyro.conf.Positional[Path], *, refine: int = 1) -> int:
         result: The result.json that `tdcr plan` wrote.
         refine: Verify at steps this many times finer than the scenario's step_m.
     """
-    from tdcr_planner.errors import FormatError, InputError
+    from tdcr_planner.bounds import REFINEMENT
+    from tdcr_planner.cli.cost import REFERENCE_S, SHAPE_BYTES, tell_cost
+    from tdcr_planner.errors import FormatError
     from tdcr_planner.report.results import read_result
     from tdcr_planner.session import verify as verify_result
 
-    if refine < 1:
-        raise InputError("--refine", "1 or more", refine)
+    REFINEMENT.check("--refine", refine)
     found = read_result(result)
     if found.path is None:
         raise FormatError(result, f"holds no path to verify (status {found.status.value!r})", "path")
+    states = len(found.path) * refine
+    tell_cost("--refine", states * REFERENCE_S, states * found.scenario.robot.disk_count * SHAPE_BYTES)
     report = verify_result(found, refine=refine)
     worst = report.worst
     print(f"{'verified' if report.verified else 'not verified'}: {report.states} states solved")

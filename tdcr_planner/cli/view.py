@@ -43,6 +43,7 @@ def view(
         host: Address that the live viewer listens at: 127.0.0.1 for this machine alone, 0.0.0.0 for everybody who
             can reach this machine, without a password.
     """
+    from tdcr_planner.bounds import PORT
     from tdcr_planner.errors import FormatError, TdcrError
     from tdcr_planner.files import check_file_target, real_path, write_file_whole
     from tdcr_planner.planning.scenario import load_scenario
@@ -51,6 +52,7 @@ def view(
     from tdcr_planner.report.results import read_result
     from tdcr_planner.report.scene_html import write_html
 
+    PORT.check("--port", port)
     if live:
         return _view_live(file, port, host, open_browser)
     result = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import io
 import platform
 import warnings
@@ -17,19 +16,11 @@ from torch import nn
 
 from tdcr_planner.learning.checkpoint import write_bytes
 from tdcr_planner.shape.card import ModelCard
-from tdcr_planner.shape.learned import CARD_FILE, WEIGHTS_FILE
+from tdcr_planner.shape.model_file import CARD_FILE, WEIGHTS_FILE
 from tdcr_planner.shape.shooting import ShootingWeights
+from tdcr_planner.shape.torch_module import script_module
 
 UNITS = {"tensions": "N", "gravity": "m/s^2", "tip_force": "N", "positions": "m", "rotations": "1"}
-
-
-def script_module(network: nn.Module) -> torch.jit.ScriptModule:
-    """Returns a network as TorchScript on the CPU, with constant weights: gradients by the inputs remain."""
-    network = copy.deepcopy(network).cpu().eval().requires_grad_(False)
-    with warnings.catch_warnings():
-        # TorchScript is the model format; torch deprecates it without a replacement that C++ can load.
-        warnings.filterwarnings("ignore", message=r"`torch\.jit\..*` is deprecated", category=DeprecationWarning)
-        return torch.jit.script(network)
 
 
 def write_model(path: Path, network: nn.Module, card: ModelCard, weights: ShootingWeights | None) -> None:

@@ -15,6 +15,8 @@ from tdcr_planner.learning.dataset import Cases
 from tdcr_planner.learning.loads import LARGEST_GRAVITY_M_S2, LARGEST_LOAD_RATIO, load_ratio
 from tdcr_planner.robot import RobotSpec
 
+MOST_SHAPES = 1_000_000
+
 
 @dataclass(frozen=True)
 class MeasuredShapes:
@@ -76,6 +78,8 @@ def _read_table(path: str | Path) -> tuple[list[str], list[tuple[int, list[str]]
         table = list(csv.reader(read_text(path).split("\n"), strict=True))
     except csv.Error as error:
         raise FormatError(path, f"is not valid CSV: {error}") from error
+    if len(table) > MOST_SHAPES:
+        raise FormatError(path, f"expected at most {MOST_SHAPES:,} rows, got {len(table):,}: no bench measures so many")
     if not any(table[1:]):
         raise FormatError(path, "expected a header and at least one row of measured values")
     header = [name.strip() for name in table[0]]

@@ -12,14 +12,14 @@ from torch import Tensor
 
 from tdcr_planner.errors import InputError
 from tdcr_planner.files import sha256_of_json
-from tdcr_planner.learning.checkpoint import checkpoint_path, load_checkpoint, save_checkpoint
+from tdcr_planner.learning.checkpoint import checkpoint_path, load_checkpoint, optimiser_like, save_checkpoint
 from tdcr_planner.learning.dataset import Progress, no_progress
 from tdcr_planner.learning.logs import TrainingLog
-from tdcr_planner.learning.paper_network import PaperNetwork
 from tdcr_planner.learning.paper_physics import RodEquations, rotation_distance_loss
 from tdcr_planner.learning.paper_points import PaperPoints, ReferencePoints
 from tdcr_planner.learning.settings import TrainSettings
 from tdcr_planner.robot import RobotSpec
+from tdcr_planner.shape.paper_network import PaperNetwork
 
 # Epochs over which the authors average the loss that the plateau is judged by.
 _AVERAGED_EPOCHS = 6
@@ -58,7 +58,7 @@ def train_paper_network(
     path = checkpoint_path(out)
     content = {"seed": settings.seed, "domain": domain.model_dump(), "paper": paper.model_dump()}
     keys = robot.mechanics_hash, sha256_of_json(content)
-    state = load_checkpoint(path, *keys)
+    state = load_checkpoint(path, *keys, run.state_like())
     if state is not None:
         run.restore(state)
     with TrainingLog(log_folder) as log:
@@ -234,6 +234,10 @@ class PaperTraining:
             "cycle": self.cycle.state_dict(),
             "plateau": self.plateau.state_dict(),
         }
+
+    def state_like(self) -> dict[str, Any]:
+        """Returns what `state` looks like after an epoch, for `check_like`."""
+        return {**self.state(), "optimiser": optimiser_like(self.optimiser), "losses": [0.0]}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Goes on where `state` was taken."""

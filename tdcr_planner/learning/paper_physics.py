@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tdcr_planner.learning.paper_network import PaperNetwork
 from tdcr_planner.robot import RobotSpec
+from tdcr_planner.shape.paper_network import PaperNetwork
 
 # The authors keep the cosine of (20) this far from one, where acos has no slope.
 _COSINE_LIMIT = 0.99999

@@ -9,9 +9,9 @@ import torch
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from tdcr_planner.learning.paper_network import SECTOR, PaperNetwork
 from tdcr_planner.learning.settings import PaperSettings
 from tdcr_planner.robot import RobotSpec
+from tdcr_planner.shape.paper_network import SECTOR, PaperNetwork
 from tdcr_planner.statics.solver import solve_statics
 
 # The authors' grids leave out forces below this part of the largest.

@@ -6,13 +6,21 @@ import math
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
+from tdcr_planner.bounds import CASES, EPOCHS, GRID, LEARNING_RATE, POINTS, PROCESSES, SEED
 from tdcr_planner.files import FileModel, NotNegative, Positive, parse_table, read_toml
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import Domain
+from tdcr_planner.shape.shooting import MOST_CORRECTIONS, MOST_LAYERS, MOST_WIDTH
 
-Count = Annotated[int, Field(ge=1)]
+Cases = Annotated[int, AfterValidator(CASES.validate)]
+Epochs = Annotated[int, AfterValidator(EPOCHS.validate)]
+GridPoints = Annotated[int, AfterValidator(GRID.validate)]
+LearningRate = Annotated[Positive, AfterValidator(LEARNING_RATE.validate)]
+Points = Annotated[int, AfterValidator(POINTS.validate)]
+Width = Annotated[int, Field(ge=1, le=MOST_WIDTH)]
+Hidden = Annotated[tuple[Width, ...], Field(min_length=1, max_length=MOST_LAYERS - 1)]
 CONFIDENCE = 0.99
 """With which the error bound holds, over the draw of its calibration cases."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -50,10 +58,10 @@ class DatasetSettings(FileModel):
         threads: Threads of the reference solver; the cases do not depend on it.
     """
 
-    cases: Count = 120_000
-    validation_cases: Count = 4_000
+    cases: Cases = 120_000
+    validation_cases: Cases = 4_000
     planner_share: Share = 0.5
-    threads: Count = 2
+    threads: Annotated[int, AfterValidator(PROCESSES.validate)] = 2
 
 
 class ShootingSettings(FileModel):
@@ -64,8 +72,8 @@ class ShootingSettings(FileModel):
         corrections: Number of learned Newton steps.
     """
 
-    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (64, 64, 64)
-    corrections: Annotated[int, Field(ge=0, le=5)] = 1
+    hidden: Hidden = (64, 64, 64)
+    corrections: Annotated[int, Field(ge=0, le=MOST_CORRECTIONS)] = 1
 
 
 class OptimiserSettings(FileModel):
@@ -79,9 +87,9 @@ class OptimiserSettings(FileModel):
         weight_decay: AdamW's weight decay.
     """
 
-    epochs: Count = 60
-    batch_size: Count = 1024
-    learning_rate: Positive = 4e-3
+    epochs: Epochs = 60
+    batch_size: Cases = 1024
+    learning_rate: LearningRate = 4e-3
     warm_up: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.15
     weight_decay: NotNegative = 1e-6
 
@@ -132,7 +140,7 @@ class BoundSettings(FileModel):
     """
 
     alpha: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.001
-    cases: Count = 20_000
+    cases: Cases = 20_000
 
     @model_validator(mode="after")
     def _check_cases(self) -> BoundSettings:
@@ -206,11 +214,11 @@ class PaperBatches(FileModel):
         no_force: The straight robot.
     """
 
-    at_base: Count = 4
-    between: Count = 76
-    at_tip: Count = 4
-    largest_force: Count = 168
-    no_force: Count = 128
+    at_base: Points = 4
+    between: Points = 76
+    at_tip: Points = 4
+    largest_force: Points = 168
+    no_force: Points = 128
 
 
 class PaperSettings(FileModel):
@@ -245,29 +253,29 @@ class PaperSettings(FileModel):
         weights: Weights of the parts of the loss.
     """
 
-    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (100, 100, 100, 100)
-    epochs: Count = 6070
-    learning_rate: Positive = 1.5e-4
-    cycle_epochs: Count = 1500
+    hidden: Hidden = (100, 100, 100, 100)
+    epochs: Epochs = 6070
+    learning_rate: LearningRate = 1.5e-4
+    cycle_epochs: Epochs = 1500
     warm_up: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
     first_divisor: Annotated[float, Field(ge=1.0)] = 10.0
     last_divisor: Annotated[float, Field(ge=1.0)] = 100.0
     plateau_from_epoch: Annotated[int, Field(ge=0)] = 450
     plateau_factor: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.9
-    plateau_patience: Count = 20
+    plateau_patience: Epochs = 20
     plateau_cooldown: Annotated[int, Field(ge=0)] = 10
     weight_decay: NotNegative = 0.01
-    grid: tuple[Count, Count, Count] = (32, 32, 32)
-    batch_size: Count = 1024
-    reference_grid: tuple[Count, Count] = (9, 9)
-    edge_actuations: Count = 96
+    grid: tuple[GridPoints, GridPoints, GridPoints] = (32, 32, 32)
+    batch_size: Points = 1024
+    reference_grid: tuple[GridPoints, GridPoints] = (9, 9)
+    edge_actuations: Points = 96
     training_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.7
     reference_batch: PaperBatches = PaperBatches()
-    arc_points: Annotated[int, Field(ge=2)] = 200
-    arc_actuations: Count = 1024
+    arc_points: Annotated[int, Field(ge=2, le=10_000)] = 200
+    arc_actuations: Points = 1024
     resampling_probability: Share = 0.1
-    worst_actuations: Count = 10
-    worst_arc_lengths: Count = 10
+    worst_actuations: Points = 10
+    worst_arc_lengths: Points = 10
     spread_arc_length_m: Positive = 0.0775
     spread_tension_n: Positive = 0.324
     weights: PaperWeights = PaperWeights()
@@ -286,7 +294,7 @@ class TrainSettings(FileModel):
 
     format: Literal["tdcr-train/1"] = "tdcr-train/1"
     network: Literal["shooting", "paper"] = "shooting"
-    seed: Annotated[int, Field(ge=0)] = 1
+    seed: Annotated[int, AfterValidator(SEED.validate)] = 1
     domain: DomainSettings = DomainSettings()
     dataset: DatasetSettings = DatasetSettings()
     shooting: ShootingSettings = ShootingSettings()

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.files import sha256_of_json
-from tdcr_planner.learning.checkpoint import checkpoint_path, load_checkpoint, save_checkpoint
+from tdcr_planner.learning.checkpoint import checkpoint_path, load_checkpoint, optimiser_like, save_checkpoint
 from tdcr_planner.learning.dataset import (
     Cases,
     Progress,
@@ -29,13 +29,13 @@ from tdcr_planner.learning.judge import Predict, calibrate_bound, measure_accura
 from tdcr_planner.learning.loads import check_domain
 from tdcr_planner.learning.logs import TrainingLog
 from tdcr_planner.learning.losses import physics_loss, reference_loss
-from tdcr_planner.learning.network import ShootingNetwork, learned_weights
 from tdcr_planner.learning.settings import TrainSettings
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import CARD_FORMAT, Calibration, ModelCard
 from tdcr_planner.shape.learned import load_shape_model
 from tdcr_planner.shape.rod_kernel import RodConstants, rod_constants, tip_residual, tip_residual_jacobian
 from tdcr_planner.shape.shooting import ShootingFunction
+from tdcr_planner.shape.shooting_network import ShootingNetwork, learned_weights
 from tdcr_planner.workers import Backend
 
 # Seeds of the independent random streams of a training.
@@ -130,7 +130,7 @@ def train_shooting_network(
     run = _Run(robot, settings, network, prepare_data(robot, settings, progress, backend))
     path = checkpoint_path(out)
     keys = robot.mechanics_hash, settings_hash(settings)
-    state = load_checkpoint(path, *keys)
+    state = load_checkpoint(path, *keys, run.state_like())
     if state is not None:
         run.restore(state)
     with TrainingLog(log_folder) as log:
@@ -311,6 +311,10 @@ class _Run:
             "optimiser": self.optimiser.state_dict(),
             "schedule": self.schedule.state_dict(),
         }
+
+    def state_like(self) -> dict[str, Any]:
+        """Returns what `state` looks like after an epoch, for `check_like`."""
+        return {**self.state(), "optimiser": optimiser_like(self.optimiser)}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Goes on where `state` was taken."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
-import zlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,13 +14,14 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from tdcr_planner.array_schema import ArraySchema, ArraySpec, read_arrays
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.files import (
     FileModel,
     NotNegative,
     Positive,
-    open_file,
+    parse_json,
     parse_table,
     sha256_of_json,
     write_file_whole,
@@ -199,12 +198,20 @@ class Roadmap:
             raise InputError(name, f"a roadmap that serves the scenario ({REBUILD})", f"one made for {problem}")
 
 
+class _Model(FileModel):
+    """The shape model of a roadmap's file; see `Conditions`."""
+
+    name: str
+    sha256: str | None
+    error_bound_m: list[NotNegative]
+
+
 class _Header(FileModel):
     """What a roadmap's file says beside its arrays; sha256 covers both."""
 
     format: Literal["tdcr-roadmap/1"]
     scene: dict[str, Any]
-    model: dict[str, Any]
+    model: _Model
     clearance_m: NotNegative
     step_m: Positive
     seed: int
@@ -212,23 +219,40 @@ class _Header(FileModel):
     sha256: str
 
 
+# A build makes some thousand configurations a second; ten million take hours, and 10 GB with their motions.
+_SCHEMA = ArraySchema(
+    "roadmap",
+    {
+        "header": ArraySpec("text"),
+        "rows": ArraySpec("float64", ("vertices", "dimension")),
+        "edges": ArraySpec("integer", ("edges", 2), low=0),
+        "motion_scale": ArraySpec("float64", ("dimension",), low=0.0),
+    },
+    {"vertices": 10_000_000, "edges": 100_000_000, "dimension": 1002, "text": 10_000_000},
+)
+
+
 def _read(path: Path) -> Roadmap:
     """Returns what a file holds, or raises FormatError saying what is wrong with it."""
     try:
-        # NumPy leaves a file open that it cannot read: this one is closed here.
-        with open_file(path) as stream, np.load(stream, allow_pickle=False) as content:
-            table = json.loads(str(content["header"]))
-            arrays = {name: content[name] for name in ("rows", "edges", "motion_scale")}
-    except (EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error) as error:
-        raise FormatError(path, f"is damaged or no roadmap ({error}); {REBUILD}") from error
-    if not isinstance(table, dict):
-        raise FormatError(path, f"expected a table, got {type(table).__name__}; {REBUILD}", "header")
-    header = parse_table(_Header, table, path)
-    rows, edges, scale = arrays["rows"], arrays["edges"], arrays["motion_scale"]
+        arrays, sizes = read_arrays(path, _SCHEMA)
+        table = parse_json(str(arrays.pop("header")), path, "header")
+        header = parse_table(_Header, table, path)
+    except FormatError as error:
+        raise FormatError(path, f"{error.problem}; {REBUILD}", error.place) from error
     if header.sha256 != _digest({key: value for key, value in table.items() if key != "sha256"}, arrays):
         raise FormatError(path, f"is damaged: its content is not what was written; {REBUILD}")
-    conditions = Conditions(header.scene, header.model, header.clearance_m, header.step_m)
-    return Roadmap(rows, edges.astype(np.int64), scale, conditions, header.seed, header.build_s)
+    if (arrays["edges"] >= sizes["vertices"]).any():
+        raise FormatError(path, f"expected pairs of vertices from 0 to {sizes['vertices'] - 1}; {REBUILD}", "edges")
+    conditions = Conditions(header.scene, header.model.model_dump(), header.clearance_m, header.step_m)
+    return Roadmap(
+        arrays["rows"],
+        arrays["edges"].astype(np.int64),
+        arrays["motion_scale"],
+        conditions,
+        header.seed,
+        header.build_s,
+    )
 
 
 def _digest(header: dict[str, Any], arrays: dict[str, Any]) -> str:

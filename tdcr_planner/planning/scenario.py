@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.bounds import ANGLE_DEG, LOAD, PLACE_M, SEARCH_SEED, TIME_S
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
 from tdcr_planner.files import (
     FileModel,
@@ -27,6 +28,17 @@ from tdcr_planner.se3 import rotation_from_quaternion
 
 # A range of insertion this many times as long as the robot was most likely given in millimetres.
 LONGEST_TRAVEL = 20.0
+MOST_MESHES = 1_000
+"""Of a scene: each has a field of its own, of megabytes."""
+MOST_GOALS = 1_000
+"""Of a query: each is searched for by itself within the time limit."""
+
+Place = Annotated[float, AfterValidator(PLACE_M.validate)]
+Point = tuple[Place, Place, Place]
+Angle = Annotated[float, AfterValidator(ANGLE_DEG.validate)]
+Load = Annotated[float, AfterValidator(LOAD.validate)]
+Loads = tuple[Load, Load, Load]
+Length = Annotated[Positive, AfterValidator(PLACE_M.validate)]
 
 
 def _check_rows(value: Any) -> Any:
@@ -35,7 +47,7 @@ def _check_rows(value: Any) -> Any:
     return value
 
 
-Bending = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_check_rows)]
+Bending = Annotated[tuple[tuple[Load, Load], ...], BeforeValidator(_check_rows)]
 Validity = Literal["learned", "reference", "constant_curvature"]
 
 
@@ -48,7 +60,7 @@ def _check_direction(direction: Vector3 | None) -> Vector3 | None:
 class Entry(FileModel):
     """The plane through which the body enters a cavity: point_m and normal (pointing in), world frame."""
 
-    point_m: Vector3
+    point_m: Point
     normal: Vector3
 
     _check_normal = field_validator("normal")(_check_direction)
@@ -88,11 +100,11 @@ class Base(FileModel):
             the collision test.
     """
 
-    position_m: Vector3 = (0.0, 0.0, 0.0)
+    position_m: Point = (0.0, 0.0, 0.0)
     quaternion_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
-    insertion_m: tuple[float, float] | None = None
-    roll_deg: tuple[float, float] | None = None
-    shaft_radius_m: Positive | None = None
+    insertion_m: tuple[Place, Place] | None = None
+    roll_deg: tuple[Angle, Angle] | None = None
+    shaft_radius_m: Length | None = None
 
     @field_validator("quaternion_wxyz")
     @classmethod
@@ -113,8 +125,8 @@ class Start(FileModel):
     """The configuration in which the robot starts: bending_n a row a segment, insertion_m, roll_deg."""
 
     bending_n: Bending
-    insertion_m: float = 0.0
-    roll_deg: float = 0.0
+    insertion_m: Place = 0.0
+    roll_deg: Angle = 0.0
 
 
 class Goal(FileModel):
@@ -131,10 +143,10 @@ class Goal(FileModel):
     """
 
     bending_n: Bending | None = None
-    insertion_m: float = 0.0
-    roll_deg: float = 0.0
-    tip_position_m: Vector3 | None = None
-    tip_tolerance_m: Positive = 0.002
+    insertion_m: Place = 0.0
+    roll_deg: Angle = 0.0
+    tip_position_m: Point | None = None
+    tip_tolerance_m: Length = 0.002
     view_direction: Vector3 | None = None
     view_tolerance_deg: Annotated[float, Field(gt=0.0, le=180.0)] = 10.0
 
@@ -187,10 +199,10 @@ class PlannerSettings(FileModel):
     """
 
     name: str = "RRTConnect"
-    time_limit_s: Positive = 10.0
-    seed: Annotated[int, Field(ge=1, le=2**31 - 1)] = 1
+    time_limit_s: Annotated[float, AfterValidator(TIME_S.validate)] = 10.0
+    seed: Annotated[int, AfterValidator(SEARCH_SEED.validate)] = 1
     step_m: Annotated[float, Field(ge=1e-5, le=0.1)] = 0.002
-    clearance_m: NotNegative = 0.0005
+    clearance_m: Annotated[NotNegative, AfterValidator(PLACE_M.validate)] = 0.0005
     validity: Validity = "learned"
     parameters: dict[str, str | float | int | bool] = {}
     objective: Objective = Objective()
@@ -216,13 +228,13 @@ class ScenarioFile(FileModel):
     format: Literal["tdcr-scenario/1"]
     robot: str
     shape_model: str | None = None
-    gravity_m_s2: Vector3 = (0.0, 0.0, 0.0)
-    tip_force_n: Vector3 = (0.0, 0.0, 0.0)
-    meshes: Annotated[tuple[MeshEntry, ...], Field(min_length=1)]
+    gravity_m_s2: Loads = (0.0, 0.0, 0.0)
+    tip_force_n: Loads = (0.0, 0.0, 0.0)
+    meshes: Annotated[tuple[MeshEntry, ...], Field(min_length=1, max_length=MOST_MESHES)]
     base: Base = Base()
     start: Start
     goal: Goal | None = None
-    goals: tuple[Goal, ...] | None = None
+    goals: Annotated[tuple[Goal, ...], Field(max_length=MOST_GOALS)] | None = None
     goal_order: Literal["given", "best"] = "given"
     planner: PlannerSettings = PlannerSettings()
     limits: Limits = Limits()
@@ -311,8 +323,8 @@ class Scenario:
             name = ".".join(str(item) for item in fault["loc"])
             if fault["type"] == "extra_forbidden":
                 raise UnknownNameError("planner", name, PlannerSettings.model_fields) from error
-            expected = str(fault["msg"]).removeprefix("Input should be ")
-            raise InputError(f"planner.{name}", expected, repr(fault["input"])) from error
+            expected = str(fault["msg"]).removeprefix("Input should be ").removeprefix("Value error, expected ")
+            raise InputError(f"planner.{name}", expected.partition(", got ")[0], repr(fault["input"])) from error
         return Scenario(self.path, self.sha256, self.file.model_copy(update={"planner": settings}), self.robot)
 
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import ConfigDict
 
 from tdcr_planner.compare.comparison import Comparison
 from tdcr_planner.compare.confusion import agreement_by_clearance
 from tdcr_planner.compare.paths import path_rates
 from tdcr_planner.compare.verdicts import MODELS, REFERENCE_VERDICTS, VARIANTS, Variant
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import read_json, write_folder_whole
+from tdcr_planner.files import FileModel, parse_table, read_json, write_folder_whole
 from tdcr_planner.planning.validity import CAUSES
 from tdcr_planner.rates import quantiles, ratio_at_least
 from tdcr_planner.report.compare_plots import write_compare_plots
@@ -66,13 +67,22 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
 def _optional_files(path: Path) -> set[str]:
     """Returns the files of a comparison that another one in the same folder may not have; none without a comparison."""
     try:
-        content = read_json(path)
+        earlier = parse_table(_EarlierFile, read_json(path), path)
     except FormatError:
         return set()
-    if content.get("format") != COMPARE_FORMAT:
-        return set()
-    pictures = {name for name in content["pictures"] if Path(name).name == name}
-    return pictures | ({"paths.csv", "paths.png", "paths.pdf"} if content["paths"] else set())
+    # Only names that pictures have: a damaged file must not have others removed.
+    pictures = {name for name in earlier.pictures if Path(name).name == name and name.endswith(".png")}
+    return pictures | ({"paths.csv", "paths.png", "paths.pdf"} if earlier.paths else set())
+
+
+class _EarlierFile(FileModel):
+    """What is read of an earlier compare.json."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    format: Literal["tdcr-compare/1"]
+    pictures: list[str]
+    paths: list[dict[str, Any]]
 
 
 def comparison_content(comparison: Comparison) -> dict[str, Any]:

@@ -5,18 +5,29 @@ from __future__ import annotations
 import json
 import math
 import os
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import ConfigDict, Field, field_validator
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import FileModel, parse_table, read_json, real_path, sha256_of_file, write_folder_whole
+from tdcr_planner.files import (
+    Count,
+    FileModel,
+    NotNegative,
+    parse_table,
+    read_json,
+    real_path,
+    sha256_of_file,
+    write_folder_whole,
+)
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import PlannerSettings, Scenario, load_scenario
 from tdcr_planner.report.plain import plain_json
-from tdcr_planner.report.state_files import read_shapes, write_shapes, write_trajectory_csv
+from tdcr_planner.report.state_files import MOST_STATES, read_shapes, write_shapes, write_trajectory_csv
 from tdcr_planner.session import PlanResult, PlanStatus
 from tdcr_planner.verification import VerificationReport
 
@@ -31,13 +42,20 @@ class _PathTable(FileModel):
     """The states of a path, k rows each; keys carry the units."""
 
     bending_n: list[list[tuple[float, float]]]
-    insertion_m: list[float]
+    insertion_m: Annotated[list[float], Field(min_length=1, max_length=MOST_STATES)]
     roll_deg: list[float]
-    tensions_n: list[list[float]]
+    tensions_n: list[list[NotNegative]]
     tendon_displacement_m: list[_Row]
     tip_position_m: list[_Row]
-    time_s: list[float]
-    goal_states: list[tuple[int, int]] = []
+    time_s: list[NotNegative]
+    goal_states: list[tuple[Count, Count]] = []
+
+    @field_validator("time_s")
+    @classmethod
+    def _check_order(cls, value: list[float]) -> list[float]:
+        if any(after < before for before, after in pairwise(value)):
+            raise ValueError("expected times that do not go back")
+        return value
 
 
 class _Worst(FileModel):
@@ -53,16 +71,52 @@ class _VerificationTable(FileModel):
 
     verified: bool
     message: str
-    states: int
+    states: Count
     cause: str
-    worst_state: int
+    worst_state: Count
     worst: _Worst
-    repairs: int
+    repairs: Count
     converged: list[bool]
     in_limits: list[bool]
     residual_nm: _Row
     deviation_m: _Row
     clearance_m: _Row
+
+
+class _Timings(FileModel):
+    """Seconds that each stage took."""
+
+    load: NotNegative = 0.0
+    plan: NotNegative = 0.0
+    verify: NotNegative = 0.0
+    total: NotNegative = 0.0
+
+
+class _RoadmapUse(FileModel):
+    """What the roadmap in use did for the query."""
+
+    model_config = ConfigDict(extra="allow")
+
+    vertices: Count
+    edges: Count
+    answered: bool
+    reason: str = ""
+    unfit: str = ""
+
+
+class _Planner(FileModel):
+    """What the search says of itself; planners of one's own may say more."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: str
+    settings: PlannerSettings
+    iterations: Count | None = None
+    vertices: Count | None = None
+    states_checked: Count = 0
+    edges_checked: Count = 0
+    rejected: dict[str, Count] = {}
+    roadmap: _RoadmapUse | None = None
 
 
 class _ResultFile(FileModel):
@@ -78,8 +132,8 @@ class _ResultFile(FileModel):
     hashes: dict[str, str]
     versions: dict[str, str]
     seed: int
-    timings_s: dict[str, float]
-    planner: dict[str, Any]
+    timings_s: _Timings
+    planner: _Planner
     path: _PathTable | None
     verification: _VerificationTable | None
     shapes_sha256: str
@@ -217,14 +271,15 @@ def read_result(path: str | Path) -> PlanResult:
     _check_format(content, file)
     table = parse_table(_ResultFile, content, file)
     scenario = _find_scenario(table, file)
-    planner = dict(table.planner)
-    settings = parse_table(PlannerSettings, planner.pop("settings", {}), file)
-    scenario = scenario.with_planner(**settings.model_dump())
+    planner = table.planner.model_dump(exclude={"settings"}, exclude_unset=True)
+    scenario = scenario.with_planner(**table.planner.settings.model_dump())
     tension_path = None if table.path is None else _read_path(table.path, scenario, file)
     report = None
     if table.verification is not None:
         if tension_path is None:
             raise FormatError(file, "there is a verification without a path", "path")
+        if table.verification.worst_state >= len(tension_path):
+            raise FormatError(file, f"expected a state below {len(tension_path)}", "verification.worst_state")
         report = _read_verification(table, len(tension_path), scenario, file)
     return PlanResult(
         status=table.status,
@@ -234,7 +289,7 @@ def read_result(path: str | Path) -> PlanResult:
         path=tension_path,
         verification=report,
         repairs=0 if table.verification is None else table.verification.repairs,
-        timings_s=table.timings_s,
+        timings_s=table.timings_s.model_dump(),
         planner=planner,
         hashes=table.hashes,
         versions=table.versions,

@@ -6,17 +6,34 @@ import csv
 import logging
 import math
 import os
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
+from tdcr_planner.array_schema import ArraySchema, ArraySpec, read_arrays
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import open_file, sha256_of_file
+from tdcr_planner.files import sha256_of_file
 from tdcr_planner.session import PlanResult
 
 _log = logging.getLogger(__name__)
+
+MOST_STATES = 10_000_000
+"""Of a path: verification solves some thousand a second, so that more would take hours."""
+
+# NaN: a state without a shape.
+_SHAPES = ArraySchema(
+    "shapes.npz",
+    {
+        "arc_lengths_m": ArraySpec("float64", ("disks",), low=0.0),
+        "time_s": ArraySpec("float64", ("path states",), low=0.0),
+        "converged": ArraySpec("boolean", ("states",)),
+        "positions_m": ArraySpec("float64", ("states", "disks", 3), may_be_nan=True),
+        "rotations": ArraySpec("float64", ("states", "disks", 3, 3), low=-1.01, high=1.01, may_be_nan=True),
+        "model_positions_m": ArraySpec("float64", ("states", "disks", 3), may_be_nan=True, required=False),
+    },
+    {"path states": MOST_STATES},
+)
 
 
 def trajectory_table(result: PlanResult) -> tuple[list[str], FloatArray]:
@@ -94,12 +111,5 @@ def read_shapes(file: Path, digest: str, count: int, disks: int) -> dict[str, Fl
         }
     if sha256_of_file(file) != digest:
         raise FormatError(file, "belongs to another result than the result.json beside it, or is damaged")
-    try:
-        with open_file(file) as stream, np.load(stream, allow_pickle=False) as archive:
-            shapes = {name: archive[name] for name in archive.files}
-    except (EOFError, ValueError, zipfile.BadZipFile) as error:
-        raise FormatError(file, f"cannot be read: {error}") from error
-    for name, shape in (("positions_m", (count, disks, 3)), ("rotations", (count, disks, 3, 3))):
-        if name not in shapes or shapes[name].shape != shape:
-            raise FormatError(file, f"expected shape {shape}", name)
+    shapes, _ = read_arrays(file, _SHAPES, {"states": count, "disks": disks})
     return shapes

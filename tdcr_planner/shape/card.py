@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from textwrap import wrap
 from typing import Annotated, Any, Literal
 
@@ -42,7 +43,7 @@ class Accuracy(FileModel):
     """
 
     sample: Literal["uniform", "planner"]
-    cases: int
+    cases: Annotated[int, Field(ge=1)]
     position_median_mm: tuple[float, ...]
     position_p99_mm: tuple[float, ...]
     position_max_mm: tuple[float, ...]
@@ -63,7 +64,7 @@ class ErrorBound(FileModel):
     """
 
     alpha: Annotated[float, Field(gt=0.0, lt=1.0)]
-    cases: int
+    cases: Annotated[int, Field(ge=1)]
     disk_m: tuple[NotNegative, ...]
     residual_limit_nm: Positive | None
 
@@ -80,10 +81,10 @@ class Calibration(FileModel):
     """
 
     measured_file: str
-    shapes: int
-    stiffness_scale: float
-    rms_before_mm: float
-    rms_after_mm: float
+    shapes: Annotated[int, Field(ge=1)]
+    stiffness_scale: Positive
+    rms_before_mm: NotNegative
+    rms_after_mm: NotNegative
 
 
 class ModelCard(FileModel):
@@ -129,6 +130,12 @@ class ModelCard(FileModel):
             raise ValueError(
                 f"expected a limit for each of {self.robot.tendon_count} tendons, got {len(self.domain.max_tension_n)}"
             )
+        arc_lengths = [float(s) for s in self.robot.arc_lengths]
+        if len(arc_lengths) != len(self.disk_arc_lengths_m) or not all(
+            math.isclose(mine, theirs, rel_tol=1e-9, abs_tol=1e-12)
+            for mine, theirs in zip(self.disk_arc_lengths_m, arc_lengths, strict=True)
+        ):
+            raise ValueError("disk_arc_lengths_m: expected the arc lengths of the robot's disks")
         return self
 
     def describe(self) -> str:

@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-import io
-import json
-import warnings
-import zipfile
-import zlib
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import ValidationError
 
 from tdcr_planner.arrays import BoolArray, FloatArray, check_array, check_batch
-from tdcr_planner.errors import DomainError, FormatError, InputError, RobotMismatchError
-from tdcr_planner.files import open_file, parse_table, sha256_of_file
+from tdcr_planner.errors import DomainError, InputError, RobotMismatchError
+from tdcr_planner.files import sha256_of_file
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.base import DiskPoses
-from tdcr_planner.shape.card import ModelCard
+from tdcr_planner.shape.model_file import ModelFile, read_model_file
 from tdcr_planner.shape.rod_kernel import rod_constants, rod_constants_at
-from tdcr_planner.shape.shooting import ShootingFunction, ShootingWeights
+from tdcr_planner.shape.shooting import ShootingFunction
 
 if TYPE_CHECKING:
     import torch
-
-CARD_FILE = "card.json"
-WEIGHTS_FILE = "weights.npz"
 
 # Rotating a vector may lengthen it by rounding; a load at the limit is still inside.
 _SLACK = 1e-9
@@ -48,24 +39,34 @@ class LearnedShape:
 
     name = "learned"
 
-    def __init__(self, path: Path, card: ModelCard, robot: RobotSpec, weights: ShootingWeights | None) -> None:
+    def __init__(self, path: Path, content: ModelFile, robot: RobotSpec | None) -> None:
         """Prepares a model; use `load_shape_model`."""
         self.path = path
-        self.card = card
-        self.robot = robot
+        self.card = card = content.card
+        self.robot = robot or card.robot
         self.sha256 = sha256_of_file(path)
         # The bound's rotation part grows with the disk radius, which a robot may change without a new training.
-        growth = np.maximum(1.0, robot.disk_radii / card.robot.disk_radii)
+        growth = np.maximum(1.0, self.robot.disk_radii / card.robot.disk_radii)
         self.error_bound: FloatArray = np.asarray(card.error_bound.disk_m) * growth
         self._max_tensions = np.asarray(card.domain.max_tension_n)
         limit = card.error_bound.residual_limit_nm
         self._residual_limit = np.inf if limit is None else limit
+        self._content = content
+        weights = content.weights
         self._function = None if weights is None else ShootingFunction(rod_constants(card.robot), weights)
 
     @cached_property
     def torch_module(self) -> torch.jit.ScriptModule:
-        """The TorchScript module of the same weights."""
-        return load_torch_module(self.path)
+        """The TorchScript module of the same weights, built from this project's classes.
+
+        The program that the file stores is for others, such as C++; it is never loaded.
+        """
+        from tdcr_planner.shape.torch_module import paper_module, shooting_module
+
+        content = self._content
+        if content.weights is not None:
+            return shooting_module(self.card, content.weights)
+        return paper_module(self.path, self.card, content.tensors)
 
     def in_domain(self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> BoolArray:
         """Returns which rows lie inside the model's domain, shape (n,); see `ShapeModel.in_domain`."""
@@ -193,80 +194,23 @@ class LearnedShape:
 
 
 def load_shape_model(path: str | Path, robot: RobotSpec | None = None) -> LearnedShape:
-    """Returns the model that a file holds.
+    """Returns the model that a file holds; nothing of the file is run.
 
     Args:
         path: A file written by `tdcr train`.
         robot: The robot it shall serve; None for the one in its card.
 
     Raises:
-        FormatError: The file is missing, truncated, or no shape model of this format.
+        FormatError: The file is missing, damaged, no shape model of this format, or holds another module.
         RobotMismatchError: It was made for a robot with other mechanics.
     """
     path = Path(path)
-    card, weights = _read_archive(path)
+    content = read_model_file(path)
+    card = content.card
     if robot is not None and robot.mechanics_hash != card.robot_mechanics_hash:
         raise RobotMismatchError(
             f"{card.robot.name!r} (mechanics {card.robot_mechanics_hash[:12]})",
             f"{robot.name!r} (mechanics {robot.mechanics_hash[:12]})",
             str(path),
         )
-    return LearnedShape(path, card, robot or card.robot, weights)
-
-
-def load_torch_module(path: str | Path) -> torch.jit.ScriptModule:
-    """Returns the TorchScript module of a model file, or raises FormatError."""
-    import torch
-
-    with warnings.catch_warnings():
-        # TorchScript is the model format; torch deprecates it without a replacement that C++ can load.
-        warnings.filterwarnings("ignore", message=r"`torch\.jit\..*` is deprecated", category=DeprecationWarning)
-        try:
-            # Tensors made in inference mode could never be used for gradients, and the module is kept.
-            with torch.inference_mode(False):
-                module = torch.jit.load(str(path), map_location="cpu")
-        except RuntimeError as error:
-            raise FormatError(path, f"is not a TorchScript file: {str(error).splitlines()[0]}") from error
-    module.eval()
-    return module
-
-
-def _read_archive(path: Path) -> tuple[ModelCard, ShootingWeights | None]:
-    """Reads card and weights straight from the archive: without torch, whose import takes seconds."""
-    try:
-        with open_file(path) as stream, zipfile.ZipFile(stream) as archive:
-            broken = archive.testzip()
-            if broken is not None:
-                raise FormatError(path, "is damaged: its checksum is wrong", broken)
-            names = {name.split("/extra/", 1)[1]: name for name in archive.namelist() if "/extra/" in name}
-            if CARD_FILE not in names:
-                raise FormatError(
-                    path, "is not a shape model, or is truncated: it holds no card; make one with `tdcr train`"
-                )
-            content = json.loads(archive.read(names[CARD_FILE]))
-            weights = archive.read(names[WEIGHTS_FILE]) if WEIGHTS_FILE in names else None
-    except (zipfile.BadZipFile, zlib.error, EOFError) as error:
-        raise FormatError(path, "is not a shape model, or is truncated") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise FormatError(path, f"its card is not valid JSON: {error}") from error
-    card = parse_table(ModelCard, content, path)
-    if card.network != "shooting":
-        return card, None
-    if weights is None:
-        raise FormatError(path, f"holds no {WEIGHTS_FILE}, which the planner reads")
-    return card, _parse_weights(path, weights)
-
-
-def _parse_weights(path: Path, content: bytes) -> ShootingWeights:
-    try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            layers = int(arrays["layers"])
-            return ShootingWeights(
-                features=arrays["features"],
-                load_scale=arrays["load_scale"],
-                matrices=tuple(arrays[f"matrix_{index}"] for index in range(layers)),
-                biases=tuple(arrays[f"bias_{index}"] for index in range(layers)),
-                corrections=int(arrays["corrections"]),
-            )
-    except (KeyError, ValueError, OSError, ValidationError) as error:
-        raise FormatError(path, f"its weights cannot be read: {error}", WEIGHTS_FILE) from error
+    return LearnedShape(path, content, robot)

@@ -18,6 +18,11 @@ Float32Array = NDArray[np.float32]
 # they work here, and far longer where cores are busy.
 _ONE_THREAD = 200_000
 
+MOST_LAYERS = 16
+MOST_WIDTH = 1024
+"""Of a network, head included: 64 MB of weights. A wider one takes longer for a shape than the reference does."""
+MOST_CORRECTIONS = 5
+
 
 @dataclass(frozen=True)
 class ShootingWeights:

@@ -9,16 +9,75 @@ import os
 from collections.abc import Iterator
 from io import FileIO
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import check_file, check_file_target
+from tdcr_planner.files import (
+    Count,
+    FileModel,
+    Model,
+    NotNegative,
+    check_file,
+    check_file_target,
+    parse_json,
+    parse_table,
+)
 from tdcr_planner.locks import LockState, try_lock
 from tdcr_planner.sweep.suite import Suite
 
 JOURNAL_NAME = "jobs.jsonl"
 JOURNAL_FORMAT = "tdcr-sweep/1"
 logger = logging.getLogger(__name__)
+
+
+class _Header(FileModel):
+    """The first line: whose records follow."""
+
+    format: Literal["tdcr-sweep/1"]
+    suite_sha256: str
+    jobs: Annotated[int, Field(ge=1)]
+
+
+class _Result(FileModel):
+    """What the seed decides; nothing of it for a query that was not verified."""
+
+    repairs: Count | None = None
+    states: Count | None = None
+    tip_travel_m: NotNegative | None = None
+    duration_s: NotNegative | None = None
+    clearance_m: float | None = None
+    deviation_m: NotNegative | None = None
+    residual_nm: NotNegative | None = None
+    path_sha256: str | None = None
+
+
+class _Timing(FileModel):
+    """What the clock decides too; a query that failed has a message alone."""
+
+    plan_s: NotNegative | None = None
+    verify_s: NotNegative | None = None
+    total_s: NotNegative | None = None
+    iterations: Count | None = None
+    vertices: Count | None = None
+    states_checked: Count | None = None
+    edges_checked: Count | None = None
+    rejected: dict[str, Count] = {}
+    repairs_tried: Count | None = None
+    last_clearance_m: float | None = None
+    last_deviation_m: NotNegative | None = None
+    message: str = ""
+    worker: str = ""
+
+
+class _Record(FileModel):
+    """A line of a finished job."""
+
+    job: Count
+    status: Literal["verified", "unverified", "no_path", "invalid_start", "invalid_goal", "failed"]
+    result: _Result
+    timing: _Timing
 
 
 class Journal:
@@ -104,30 +163,27 @@ def _complete_lines(stream: FileIO) -> list[bytes]:
 def _read_records(path: Path, lines: list[bytes], suite: Suite) -> dict[int, dict[str, Any]]:
     if not lines:
         return {}
-    content = [_parse(path, number, line) for number, line in enumerate(lines, start=1)]
-    header, entries = content[0], content[1:]
-    if header.get("format") != JOURNAL_FORMAT:
-        raise FormatError(path, f"expected format {JOURNAL_FORMAT!r}, got {header.get('format')!r}", "line 1")
-    if header.get("suite_sha256") != suite.sha256:
+    header = _parse(_Header, path, 1, lines[0])
+    if header.suite_sha256 != suite.sha256:
         raise FormatError(
             path,
             f"the folder holds another sweep than {suite.path.name}: another suite, or its scenarios, models or meshes "
             "have changed since; choose another folder, or delete this one to start anew",
         )
     records = {}
-    for number, entry in enumerate(entries, start=2):
-        index = entry.pop("job", None)
-        if not isinstance(index, int) or not 0 <= index < len(suite.jobs):
-            raise FormatError(path, f"expected a job from 0 to {len(suite.jobs) - 1}, got {index!r}", f"line {number}")
-        records[index] = entry
+    for number, line in enumerate(lines[1:], start=2):
+        record = _parse(_Record, path, number, line)
+        if record.job >= len(suite.jobs):
+            raise FormatError(
+                path, f"expected a job from 0 to {len(suite.jobs) - 1}, got {record.job}", f"line {number}"
+            )
+        records[record.job] = record.model_dump(exclude={"job"}, exclude_unset=True)
     return records
 
 
-def _parse(path: Path, number: int, line: bytes) -> dict[str, Any]:
+def _parse(model: type[Model], path: Path, number: int, line: bytes) -> Model:
     try:
-        content = json.loads(line)
-    except ValueError as error:
-        raise FormatError(path, f"is damaged: not JSON ({error})", f"line {number}") from error
-    if not isinstance(content, dict):
-        raise FormatError(path, f"is damaged: expected an object, got {type(content).__name__}", f"line {number}")
-    return content
+        return parse_table(model, parse_json(line, path), path)
+    except FormatError as error:
+        place = f"line {number}, {error.place}" if error.place else f"line {number}"
+        raise FormatError(path, f"is damaged: {error.problem}", place) from error

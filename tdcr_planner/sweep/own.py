@@ -20,6 +20,13 @@ def is_own(planner: str) -> bool:
     return ":" in planner
 
 
+def check_form(planner: str) -> None:
+    """Raises InputError unless a name has the form "module:function"; imports nothing."""
+    module, _, name = planner.partition(":")
+    if not all(part.isidentifier() for part in [*module.split("."), name]):
+        raise InputError("planner", "module:function, such as my_planners:search", repr(planner))
+
+
 def load_search(planner: str) -> Search:
     """Returns the function that "module:function" names.
 
@@ -29,9 +36,11 @@ def load_search(planner: str) -> Search:
     module, _, name = planner.partition(":")
     try:
         found = getattr(importlib.import_module(module), name, None)
-    except (ImportError, ValueError) as error:
+    except (Exception, SystemExit) as error:  # a module is a program: it may raise anything
         raise InputError(
-            "planner", "module:function of a module that can be imported", f"{planner!r} ({error})"
+            "planner",
+            "module:function of a module that can be imported",
+            f"{planner!r} ({type(error).__name__}: {error})",
         ) from error
     if not callable(found):
         raise InputError("planner", f"a function of module {module}", repr(name))

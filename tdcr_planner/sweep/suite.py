@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import itertools
+import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from tdcr_planner.bounds import JOBS, SEARCH_SEED, TIME_S
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.files import (
     FileModel,
-    Positive,
     find_named_file,
     parse_table,
     read_toml,
@@ -25,6 +27,7 @@ from tdcr_planner.planning.ompl_planner import check_planner
 from tdcr_planner.planning.scenario import Scenario, Validity, load_scenario
 
 _LEVELS = ("easy", "medium", "hard")
+_SHOWN = 10  # names in a message
 
 
 class SuiteEntry(FileModel):
@@ -55,8 +58,8 @@ class SuiteFile(FileModel):
     scenarios: tuple[SuiteEntry, ...]
     planners: tuple[str, ...]
     models: tuple[Validity, ...]
-    seeds: tuple[Annotated[int, Field(ge=1, le=2**31 - 1)], ...]
-    time_limit_s: Positive | None = None
+    seeds: tuple[Annotated[int, AfterValidator(SEARCH_SEED.validate)], ...]
+    time_limit_s: Annotated[float, AfterValidator(TIME_S.validate)] | None = None
     title: str = ""
 
     @field_validator("scenarios", "planners", "models", "seeds")
@@ -65,10 +68,15 @@ class SuiteFile(FileModel):
         if not value:
             raise ValueError("expected one or more, got none: there would be nothing to do")
         names = [item.file if isinstance(item, SuiteEntry) else item for item in value]
-        twice = sorted({str(name) for name in names if names.count(name) > 1})
+        twice = sorted(str(name) for name, count in Counter(names).items() if count > 1)
         if twice:
-            raise ValueError(f"expected each once, got more than one of {', '.join(twice)}")
+            raise ValueError(f"expected each once, got more than one of {', '.join(twice[:_SHOWN])}")
         return value
+
+    @model_validator(mode="after")
+    def _check_jobs(self) -> SuiteFile:
+        JOBS.validate(math.prod(len(items) for items in (self.scenarios, self.planners, self.models, self.seeds)))
+        return self
 
 
 @dataclass(frozen=True)
@@ -131,8 +139,13 @@ class Suite:
         return tuple(sorted(found, key=lambda name: _LEVELS.index(name) if name in _LEVELS else len(_LEVELS)))
 
 
-def load_suite(path: str | Path) -> Suite:
+def load_suite(path: str | Path, *, import_planners: bool = True) -> Suite:
     """Returns the suite that a TOML file describes.
+
+    Args:
+        path: The suite file.
+        import_planners: Whether planners "module:function" are imported, which runs the module; without it only their
+            form is checked.
 
     Raises:
         FormatError: The suite, one of its scenarios or a file that they name is missing or not what it should be; a
@@ -142,7 +155,7 @@ def load_suite(path: str | Path) -> Suite:
     content = parse_table(SuiteFile, read_toml(path), path)
     for index, planner in enumerate(content.planners):
         try:
-            _check_planner(planner)
+            _check_planner(planner, import_planners)
         except InputError as error:
             raise FormatError(path, f"expected {error.expected}; got {error.got}", f"planners[{index + 1}]") from error
     scenarios = [_load_entry(file, entry, index, content) for index, entry in enumerate(content.scenarios)]
@@ -159,11 +172,13 @@ def load_suite(path: str | Path) -> Suite:
     return Suite(file, content, tuple(jobs), _hash(content, scenarios))
 
 
-def _check_planner(planner: str) -> None:
-    from tdcr_planner.sweep.own import is_own, load_search
+def _check_planner(planner: str, import_planners: bool) -> None:
+    from tdcr_planner.sweep.own import check_form, is_own, load_search
 
     if is_own(planner):
-        load_search(planner)
+        check_form(planner)
+        if import_planners:
+            load_search(planner)
     else:
         check_planner(planner)
 

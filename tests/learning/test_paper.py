@@ -8,13 +8,13 @@ import torch
 
 from tdcr_planner.errors import InputError
 from tdcr_planner.learning.dataset import Cases, solve_cases
-from tdcr_planner.learning.export import script_module
 from tdcr_planner.learning.paper import PaperTraining, train_paper_network
-from tdcr_planner.learning.paper_network import PaperNetwork
 from tdcr_planner.learning.paper_physics import RodEquations, rotation_distance_loss
 from tdcr_planner.learning.train import train_model
 from tdcr_planner.se3 import rotation_about_z, rotation_from_vector
 from tdcr_planner.shape.learned import load_shape_model
+from tdcr_planner.shape.paper_network import PaperNetwork
+from tdcr_planner.shape.torch_module import script_module
 
 NO_LOADS = {"gravity_m_s2": 0.0, "tip_force_n": 0.0}
 

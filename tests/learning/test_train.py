@@ -13,13 +13,13 @@ from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.learning import train as train_module
 from tdcr_planner.learning.checkpoint import checkpoint_path
 from tdcr_planner.learning.dataset import draw_cases, solve_cases
-from tdcr_planner.learning.network import ShootingNetwork, learned_weights
 from tdcr_planner.learning.settings import DomainSettings
 from tdcr_planner.learning.train import train_model, train_shooting_network
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.learned import load_shape_model
 from tdcr_planner.shape.rod_kernel import rod_constants
 from tdcr_planner.shape.shooting import ShootingFunction
+from tdcr_planner.shape.shooting_network import ShootingNetwork, learned_weights
 
 
 class StoppedError(Exception):

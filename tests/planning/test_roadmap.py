@@ -215,8 +215,8 @@ def test_other_files_are_refused(post, tmp_path):
             {"header": np.array(json.dumps({**header, "format": "tdcr-roadmap/9"}))},
             "format: is a tdcr-roadmap/9 file, expected tdcr-roadmap/1",
         ),
-        ({"header": np.array("[]")}, "header: expected a table"),
-        ({"header": np.array("{")}, "is damaged or no roadmap"),
+        ({"header": np.array("[]")}, "header: expected a JSON object"),
+        ({"header": np.array("{")}, "header: is not valid JSON"),
     ):
         np.savez(tmp_path / "b.npz", **{**good, **changes})
         with pytest.raises(FormatError, match=message):

@@ -33,7 +33,7 @@ def test_planner_settings_can_be_replaced_and_stay_checked(make_scenario: Make) 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"seed": 0}, "planner.seed: expected greater than or equal to 1, got 0"),
+        ({"seed": 0}, "planner.seed: expected 1 to 2147483647 .*, got 0"),
         ({"step_m": 1.0}, "planner.step_m: expected less than or equal to 0.1, got 1.0"),
         (
             {"validity": "guess"},

@@ -103,10 +103,12 @@ def test_a_pipe_in_the_place_of_the_journal_is_refused(suite, tmp_path):
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("{broken\n", ["line 2", "not JSON"]),
-        ("[1]\n", ["line 2", "object", "list"]),
-        ('{"job": 99}\n', ["line 2", "0 to 5", "99"]),
-        ('{"status": "verified"}\n', ["line 2", "None"]),
+        ("{broken\n", ["line 2", "not valid JSON"]),
+        ("[1]\n", ["line 2", "JSON object", "list"]),
+        ('{"job": 99, "status": "failed", "result": {}, "timing": {}}\n', ["line 2", "0 to 5", "99"]),
+        ('{"status": "verified", "result": {}, "timing": {}}\n', ["line 2, job", "missing"]),
+        ('{"job": 1, "status": "good", "result": {}, "timing": {}}\n', ["line 2, status", "'verified'", "'good'"]),
+        ('{"job": 1, "status": "failed", "result": {}, "timing": {"plan_s": "1"}}\n', ["plan_s", "valid number"]),
     ],
 )
 def test_names_a_damaged_line(suite, tmp_path, line, words):

@@ -84,3 +84,45 @@ def test_the_planners_suite_names_all_on_offer_that_end(root):
     assert set(suite.file.planners) == set(PLANNERS) - {"AORRTC"}
     levels = {entry.file: entry.difficulty for entry in load_suite(root / "scenes/benchmark.toml").file.scenarios}
     assert {entry.file: entry.difficulty for entry in suite.file.scenarios}.items() <= levels.items()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"seeds": str([*range(1, 120_002)])}, ["100000", "a day at a second each"]),
+        ({"time_limit_s": "1e9"}, ["time_limit_s", "604800", "a week"]),
+        ({"time_limit_s": "true"}, ["time_limit_s", "valid number", "True"]),
+        ({"seeds": "[3000000000]"}, ["seeds", "31 bits"]),
+        ({"planners": '["tdcr_no_module:search"]'}, ["planners[1]", "can be imported", "tdcr_no_module"]),
+        ({"planners": '["os:no_such_function"]'}, ["planners[1]", "no_such_function"]),
+        ({"planners": '["os.path:../x"]'}, ["planners[1]", "module:function"]),
+        ({"planners": '["os; print(1):system"]'}, ["planners[1]", "module:function"]),
+    ],
+)
+def test_refuses_absurd_numbers_and_names(write_suite, changes, words):
+    with pytest.raises(FormatError) as caught:
+        load_suite(write_suite(**changes))
+    for word in words:
+        assert word in str(caught.value)
+    assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize("ending", ["raise SystemExit(3)", "raise ZeroDivisionError", "this is no Python"])
+def test_a_module_of_planners_that_fails_is_named(write_suite, tmp_path, monkeypatch, ending):
+    monkeypatch.syspath_prepend(tmp_path)
+    name = f"tdcr_failing_{len(ending)}"
+    (tmp_path / f"{name}.py").write_text(ending)
+    with pytest.raises(FormatError, match=rf"planners\[1\].*{name}"):
+        load_suite(write_suite(planners=f'["{name}:search"]'))
+
+
+def test_a_suite_can_be_read_without_importing_its_planners(write_suite, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "tdcr_writing.py").write_text(
+        f"open({str(tmp_path / 'written')!r}, 'w').close()\ndef search(*args, **named): ...\n"
+    )
+    path = write_suite(planners='["tdcr_writing:search"]')
+    assert load_suite(path, import_planners=False).jobs[0].planner == "tdcr_writing:search"
+    assert not (tmp_path / "written").exists()
+    load_suite(path)
+    assert (tmp_path / "written").exists()
