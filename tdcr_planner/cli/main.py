@@ -41,12 +41,12 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         return _say_interrupted()
-    except BrokenPipeError:
-        raise
     except Exception as error:
         # Compiled code and imports may turn an interrupt into an error of their own.
         if was_interrupted():
             return _say_interrupted()
+        if isinstance(error, OSError) and error.filename is None:
+            raise  # of standard output: the caller says so
         if is_memory_fault(error):
             print(describe_memory_fault(), file=sys.stderr)
             return EXIT_NOT_REACHED
