@@ -25,8 +25,8 @@ def compare(
 
     Example: tdcr compare scenes/duct/scenario_elbow.toml --out out/compare --samples 10000
 
-    Writes compare.json, tables (CSV), plots (PNG, PDF) and pictures of the worst disagreements into the output folder,
-    all or nothing.
+    Writes compare.json and tables (CSV) into the output folder, all or nothing, then plots (PNG, PDF) and pictures of
+    the worst disagreements.
 
     Args:
         scenario: Scenario file; it must name a shape model.
@@ -37,11 +37,12 @@ def compare(
         jobs: Worker processes; the number of processors without it.
         progress: Draw a progress bar; print a line now and then where standard error is no terminal.
     """
+    from tdcr_planner.cli.pictures import draw_after
     from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.compare.comparison import compare as compare_scenario
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
-    from tdcr_planner.report.compare_results import write_comparison
+    from tdcr_planner.report.compare_results import draw_comparison, write_comparison_data
     from tdcr_planner.workers import usable_cpus
 
     query = load_scenario(scenario)
@@ -55,9 +56,12 @@ def compare(
             jobs=usable_cpus() if jobs is None else jobs,
             progress=bar.update,
         )
-    write_comparison(found, out)
+    write_comparison_data(found, out)
     print(describe(found))
-    print(f"files:     {out}/compare.json verdicts.csv agreement.csv states.csv and plots")
+    print(f"files:     {out}/compare.json verdicts.csv agreement.csv states.csv", flush=True)
+    drawn = draw_after("the comparison", lambda: draw_comparison(found, out))
+    if drawn:
+        print(f"pictures:  {len(drawn)} plots and pictures beside them")
     return 0
 
 

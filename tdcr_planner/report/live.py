@@ -27,6 +27,7 @@ from tdcr_planner.report.robot_mesh import (
     tendon_lines,
     tube_mesh,
 )
+from tdcr_planner.report.tendon_style import tendon_colour
 from tdcr_planner.report.viewpoint import choose_camera
 from tdcr_planner.session import PlanningSession
 
@@ -241,7 +242,7 @@ class LiveViewer:
         # a real tendon is a hair that no screen shows
         radius = max(robot.body.tendon_radius_m, 0.04 * self._size)
         for index, points in enumerate(tendon_lines(robot, positions, rotations)):
-            self._put(f"/robot/tendon{index}", tube_mesh(points, radius, sides=6), plots.tendon_colour(index))
+            self._put(f"/robot/tendon{index}", tube_mesh(points, radius, sides=6), tendon_colour(index))
 
     def _draw_contacts(self, look: Look) -> None:
         contacts = look.contacts or (() if look.near is None else (look.near,))
