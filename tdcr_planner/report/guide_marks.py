@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
 
+from tdcr_planner.arrays import FloatArray
 from tdcr_planner.report.picture import Picture
 from tdcr_planner.report.raster import Camera
 from tdcr_planner.report.scene_guides import (
@@ -94,11 +95,11 @@ def draw_entry(axes: Axes, picture: Picture, camera: Camera) -> None:
 
 def draw_orientation(axes: Axes, picture: Picture, camera: Camera) -> None:
     """Draws the world's axes and the direction of gravity in a lower corner, and the base frame where it is."""
-    side, end = free_corner(picture, camera, ("lower right", "upper right", "upper left"))
+    side, height = free_corner(picture, camera, ("lower right", "upper right", "upper left"))
     corner = np.array([2.3 * _ARM_PX, 2.6 * _ARM_PX])
     if side == "right":
         corner[0] = camera.width - corner[0]
-    if end == "bottom":
+    if height == "bottom":
         corner[1] = camera.height - 2.0 * _ARM_PX
     arms = {name: camera.rotation[:2, index] * [1.0, -1.0] for index, name in enumerate("xyz")}
     for name, arm in arms.items():
@@ -125,7 +126,7 @@ def draw_orientation(axes: Axes, picture: Picture, camera: Camera) -> None:
         _draw_arm(axes, start, end - start, AXIS_COLOURS[name], "")
 
 
-def _draw_arm(axes: Axes, start: np.ndarray, arm: np.ndarray, colour: str, name: str) -> None:
+def _draw_arm(axes: Axes, start: FloatArray, arm: FloatArray, colour: str, name: str) -> None:
     """Draws an arrow, pixels of the scene, with a letter beyond its end; an arm towards the viewer is a dot."""
     end = start + arm
     length = float(np.hypot(*arm))
@@ -135,4 +136,13 @@ def _draw_arm(axes: Axes, start: np.ndarray, arm: np.ndarray, colour: str, name:
         style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "shrinkA": 0.0, "shrinkB": 0.0}
         axes.annotate("", tuple(end), tuple(start), arrowprops=style)
     letter = end + 10.0 * (arm / length if length >= 4.0 else np.array([0.7, -0.7]))
-    axes.text(*letter, name, color=colour, fontsize=9.0, fontweight="bold", ha="center", va="center")
+    axes.text(
+        float(letter[0]),
+        float(letter[1]),
+        name,
+        color=colour,
+        fontsize=9.0,
+        fontweight="bold",
+        ha="center",
+        va="center",
+    )

@@ -269,7 +269,7 @@ def with_start_checked(picture: Picture) -> Picture:
     if contact is not None and clearance[0] > 0.0:
         kept = planning_margins(picture.scenario, checker.model).max()
         problem += f" with the planner's margin of {1e3 * kept:.1f} mm; {told}"
-    marks = ()
+    marks: tuple[Mark, ...] = ()
     if contact is not None and np.isfinite(contact.point).all():
         marks = (Mark("contact of the start", contact.point, part=contact.part),)
     return replace(picture, message=f"start: not valid, {problem}", marks=marks)

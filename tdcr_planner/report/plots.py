@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
@@ -20,7 +21,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.report.drawing import Drawing
-from tdcr_planner.report.tendon_style import describe_limit, matplotlib_dash, tendon_colour, tension_limits
+from tdcr_planner.report.tendon_style import limit_labels, matplotlib_dash, tendon_colour, tension_limits
 from tdcr_planner.report.text import FONT_FAMILY, shorten
 from tdcr_planner.robot import RobotSpec
 
@@ -201,17 +202,12 @@ def draw_tensions(axes: Axes, times: FloatArray, tensions: FloatArray, robot: Ro
         style = matplotlib_dash(int(robot.tendon_segments[index]))
         axes.plot(times, tensions[:, index], color=tendon_colour(index), linestyle=style)
     limits = tension_limits(robot)
-    top = 1.08 * max(limits[-1].newton, float(tensions.max(initial=0.0)))
-    labels: list[tuple[float, list[str]]] = []
+    top = 1.1 * max(limits[-1].newton, float(tensions.max(initial=0.0)))
     for limit in limits:
         axes.axhline(limit.newton, color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)), zorder=1)
-        if labels and limit.newton - labels[-1][0] < _LABEL_ROOM * top:
-            labels[-1][1].append(describe_limit(limit, robot))
-        else:
-            labels.append((limit.newton, [describe_limit(limit, robot)]))
-    for height, names in labels:
+    for height, label in limit_labels(robot, _LABEL_ROOM * top):
         axes.annotate(
-            "; ".join(names),
+            label,
             (1.0, height),
             xycoords=("axes fraction", "data"),
             xytext=(-2, 2),
@@ -235,8 +231,8 @@ def _legend_of_tendons(axes: Axes, robot: RobotSpec) -> None:
     assert figure is not None  # axes are made by a figure
     box = axes.get_position()
     room, tallest = axes.bbox.width, 0.45 * axes.bbox.height
-    for size in _LEGEND_FONTS:
-        legend = _tendon_legend(axes, robot, size, room)
+    for size, beside in itertools.product(_LEGEND_FONTS, range(min(robot.segment_count, 6), 0, -1)):
+        legend = _tendon_legend(axes, robot, size, beside)
         extent = legend.get_window_extent()
         if extent.width <= room and extent.height <= tallest:
             break
@@ -245,8 +241,8 @@ def _legend_of_tendons(axes: Axes, robot: RobotSpec) -> None:
     axes.set_title("Tendon tensions", pad=72.0 * extent.height / figure.dpi + 6.0)
 
 
-def _tendon_legend(axes: Axes, robot: RobotSpec, size: float, room_px: float) -> Legend:
-    """Makes the legend: a row a segment, or several segments in a row where they fit, each after its name."""
+def _tendon_legend(axes: Axes, robot: RobotSpec, size: float, beside: int) -> Legend:
+    """Makes the legend in a font size: so many segments in a row, each after its name."""
     cells: list[list[Line2D]] = []
     for segment in range(robot.segment_count):
         tendons = np.flatnonzero(robot.tendon_segments == segment).tolist()
@@ -255,8 +251,6 @@ def _tendon_legend(axes: Axes, robot: RobotSpec, size: float, room_px: float) ->
         lines = [Line2D([], [], color=tendon_colour(i), linestyle=style, label=f"{i + 1}") for i in tendons]
         cells.append([head, *lines])
     widest = max(len(row) for row in cells)
-    # a cell is about 6 letters wide
-    beside = max(1, min(int(room_px / (widest * 6.0 * size)), len(cells)))
     blank = Line2D([], [], linestyle="none", label=" ")
     rows = [
         [line for row in cells[start : start + beside] for line in [*row, *[blank] * (widest - len(row))]]

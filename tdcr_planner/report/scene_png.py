@@ -16,14 +16,15 @@ from tdcr_planner.report.picture import Picture
 from tdcr_planner.report.raster import Camera
 from tdcr_planner.report.robot_mesh import backbone_curve
 from tdcr_planner.report.scene_image import render_scene, spread_states
-from tdcr_planner.report.text import figure_text
+from tdcr_planner.report.text import figure_text, shorten
 from tdcr_planner.report.viewpoint import choose_camera
 
 WIDTH_PX, HEIGHT_PX, DPI = 1600, 900, 120
 SCENE_PX = (1010, 770)
 # Room for the status beside the title.
 _BADGE_PX = 240.0
-_LINE_LETTERS = 180
+# What a line may lose at its end to a word that goes to the next one.
+_LONGEST_WORD = 24
 
 
 def write_png(picture: Picture, file: str | Path) -> None:
@@ -171,19 +172,18 @@ def _draw_header(figure: Figure, picture: Picture) -> None:
             zorder=-1,
         )
     )
-    top = 1.0 - 62.0 / HEIGHT_PX
-    for line in _two_lines(figure_text(summary_line(picture))):
-        text = figure.text(left, top, line, fontsize=10.5, color=plots.MUTED, va="top")
-        plots.fit_text(text, WIDTH_PX - 60.0)
-        top -= 24.0 / HEIGHT_PX
+    _write_two_lines(figure, figure_text(summary_line(picture)), left, 1.0 - 62.0 / HEIGHT_PX)
 
 
-def _two_lines(text: str) -> list[str]:
-    """Returns a text as one line or as two."""
-    if len(text) <= _LINE_LETTERS:
-        return [text]
-    lines = textwrap.wrap(text, _LINE_LETTERS)
-    return [lines[0], " ".join(lines[1:])]
+def _write_two_lines(figure: Figure, words: str, left: float, top: float) -> None:
+    """Writes a text in one line or, where it is too long, in two; what even they do not hold loses its middle."""
+    text = figure.text(left, top, words, fontsize=10.5, color=plots.MUTED, va="top", linespacing=1.35)
+    width, room = text.get_window_extent().width, (1.0 - 2.0 * left) * WIDTH_PX
+    if width <= room:
+        return
+    letters = int(0.95 * len(words) * room / width)
+    lines = textwrap.wrap(shorten(words, 2 * letters - _LONGEST_WORD), letters)
+    text.set_text("\n".join(lines[:2]))
 
 
 def summary_line(picture: Picture) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -53,7 +54,7 @@ def tendon_dash(segment: int) -> tuple[float, ...]:
     return _DASHES[segment % len(_DASHES)]
 
 
-def matplotlib_dash(segment: int) -> str | tuple[float, tuple[float, ...]]:
+def matplotlib_dash(segment: int) -> Literal["-"] | tuple[float, tuple[float, ...]]:
     """Returns matplotlib's line style for the tendons of a segment."""
     dash = tendon_dash(segment)
     return (0.0, dash) if dash else "-"
@@ -73,15 +74,34 @@ def tension_limits(robot: RobotSpec) -> list[TensionLimit]:
     return limits
 
 
-def describe_limit(limit: TensionLimit, robot: RobotSpec) -> str:
-    """Returns a limit as a label; which segments have it, where not all of them do."""
-    if len(limit.segments) == robot.segment_count:
-        return f"limit {limit.newton:g} N"
+def limit_labels(robot: RobotSpec, apart_n: float) -> list[tuple[float, str]]:
+    """Returns labels of a robot's limits and the tension at which each stands, lowest first.
+
+    Args:
+        robot: The robot.
+        apart_n: Limits that follow each other within this, N, share a label at the highest of them.
+    """
+    groups: list[list[TensionLimit]] = []
+    for limit in tension_limits(robot):
+        if groups and limit.newton - groups[-1][-1].newton < apart_n:
+            groups[-1].append(limit)
+        else:
+            groups.append([limit])
+    return [(group[-1].newton, describe_limits(group, robot)) for group in groups]
+
+
+def describe_limits(limits: Sequence[TensionLimit], robot: RobotSpec) -> str:
+    """Returns one or more limits as a label; which segments have them, where not all do."""
+    low, high = limits[0].newton, limits[-1].newton
+    text = f"limit {low:g} N" if len(limits) == 1 else f"limits {low:g} to {high:g} N"
+    segments = sorted(segment for limit in limits for segment in limit.segments)
+    if len(segments) == robot.segment_count:
+        return text
     runs: list[list[int]] = []
-    for segment in limit.segments:
+    for segment in segments:
         if runs and segment == runs[-1][-1] + 1:
             runs[-1].append(segment)
         else:
             runs.append([segment])
     names = ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
-    return f"limit {limit.newton:g} N, segment{'s' if len(limit.segments) > 1 else ''} {names}"
+    return f"{text}, segment{'s' if len(segments) > 1 else ''} {names}"

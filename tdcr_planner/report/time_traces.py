@@ -9,7 +9,7 @@ import numpy as np
 from tdcr_planner.report import plots
 from tdcr_planner.report.legend import tendon_entry
 from tdcr_planner.report.picture import Picture
-from tdcr_planner.report.tendon_style import css_dash, describe_limit, tendon_colour, tension_limits
+from tdcr_planner.report.tendon_style import css_dash, describe_limits, limit_labels, tendon_colour, tension_limits
 
 Trace = dict[str, Any]
 _CURVE_PX = 2.0
@@ -127,15 +127,10 @@ def _caption(text: str, axis: str, above_px: int, colour: str, size: int) -> dic
 
 def _limit_labels(picture: Picture) -> list[dict[str, Any]]:
     """Labels of the limits at the right end of their lines; those that are near each other share one."""
-    labels: list[tuple[float, list[str]]] = []
-    for limit in tension_limits(picture.robot):
-        if labels and limit.newton - labels[-1][0] < 0.1 * _tension_top(picture):
-            labels[-1][1].append(describe_limit(limit, picture.robot))
-        else:
-            labels.append((limit.newton, [describe_limit(limit, picture.robot)]))
     place = {"xref": "x2 domain", "yref": "y2", "x": 1.0, "xanchor": "right", "yanchor": "bottom"}
     look = {"showarrow": False, "font": {"size": 10, "color": plots.MUTED}, "borderpad": 0}
-    return [{"text": "<br>".join(names), "y": value, **place, **look} for value, names in labels]
+    labels = limit_labels(picture.robot, 0.1 * _tension_top(picture))
+    return [{"text": label, "y": value, **place, **look} for value, label in labels]
 
 
 def _clearance_range(picture: Picture) -> tuple[float, float]:
@@ -200,7 +195,7 @@ def _tension_traces(picture: Picture) -> list[Trace]:
             "x": [float(picture.times[0]), float(picture.times[-1])],
             "y": [limit.newton, limit.newton],
             "line": {"color": plots.MUTED, "width": 1.2, "dash": "dash"},
-            "hovertemplate": f"{describe_limit(limit, picture.robot)}<extra></extra>",
+            "hovertemplate": f"{describe_limits([limit], picture.robot)}<extra></extra>",
         }
         for limit in tension_limits(picture.robot)
     ]
