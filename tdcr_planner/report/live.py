@@ -18,7 +18,7 @@ from tdcr_planner.planning.scenario import Validity
 from tdcr_planner.report import plots
 from tdcr_planner.report.body_mesh import part_mesh, shaft_mesh, sleeve_mesh
 from tdcr_planner.report.live_scene import Controls, LiveScene, Look, describe
-from tdcr_planner.report.picture import gather_scenario_picture
+from tdcr_planner.report.picture import Picture, gather_scenario_picture
 from tdcr_planner.report.robot_mesh import (
     Mesh,
     backbone_curve,
@@ -233,16 +233,7 @@ class LiveViewer:
                 opacity=opacity,
                 side="double",
             )
-        for number, disk in enumerate(entry_disks(picture)):
-            rim = disk.rim.astype(np.float32)
-            segments = np.stack([rim[:-1:2], rim[1::2]], axis=1)  # every other piece: a dashed line
-            self._server.scene.add_line_segments(
-                f"/entry/{number}", segments, colors=_rgb(GRAVITY_COLOUR), line_width=2.0
-            )
-        origin, rotation = base_axes(picture)
-        for index, (axis, shade) in enumerate(AXIS_COLOURS.items()):
-            arm = np.stack([origin, origin + 3.0 * self._size * rotation[:, index]])[None].astype(np.float32)
-            self._server.scene.add_line_segments(f"/base/{axis}", arm, colors=_rgb(shade), line_width=3.0)
+        self._draw_guides(picture)
         for number, goal in enumerate(picture.goals):
             self._server.scene.add_icosphere(
                 f"/goal/{number}",
@@ -251,6 +242,19 @@ class LiveViewer:
                 opacity=0.6,
                 position=goal.position,
             )
+
+    def _draw_guides(self, picture: Picture) -> None:
+        """Draws the entry planes as dashed circles and the base frame at the start as three lines."""
+        for number, disk in enumerate(entry_disks(picture)):
+            # every other piece of the rim: a dashed line
+            dashes = [
+                tube_mesh(disk.rim[start : start + 2], 0.04 * self._size, 6) for start in range(0, len(disk.rim) - 1, 2)
+            ]
+            self._put(f"/entry/{number}", merge_meshes(dashes), GRAVITY_COLOUR)
+        origin, rotation = base_axes(picture)
+        for index, (axis, colour) in enumerate(AXIS_COLOURS.items()):
+            arm = np.stack([origin, origin + 3.0 * self._size * rotation[:, index]])
+            self._put(f"/base/{axis}", tube_mesh(arm, 0.06 * self._size), colour)
 
     def _draw_robot(self, look: Look) -> None:
         if not look.has_shape:

@@ -29,6 +29,10 @@ _MAX_RIM_CORNERS = 640
 _SHOWN_HEIGHT = 1.94
 # width to height of a scene over the whole width of a laptop's page
 _WIDE_AT_FULL = 2.1
+# Arms of a cross in radii of the disks, which would hide a marker.
+_CROSS = 2.5
+# Length of a viewing direction, in lengths of the robot.
+_VIEW_ARROW = 0.15
 _VIEW_HEIGHT_PX = 700
 _SCENE_WIDTH = 0.63
 _WALL_SHADES = {"cavity": ("#5E7891", "#D5E2EE"), "obstacle": ("#7B6A56", "#E9E1D6")}
@@ -150,7 +154,7 @@ def _point_traces(picture: Picture) -> list[Trace]:
         name = "goal" if len(picture.goals) == 1 else f"goal {number + 1}"
         traces.append(_marker(goal.position[None], name, "diamond-open", plots.GOAL, 8))
         if goal.direction is not None:
-            ends = np.stack([goal.position, goal.position + 0.15 * picture.robot.length * goal.direction])
+            ends = np.stack([goal.position, goal.position + _VIEW_ARROW * picture.robot.length * goal.direction])
             traces.append(_line(ends, f"{name}: viewing direction", plots.GOAL, 4))
     return traces
 
@@ -163,8 +167,7 @@ def _mark_traces(picture: Picture) -> list[Trace]:
         label = plain_text(mark.label, SHORT)
         entry = legend_entry(label, "cross", plots.ALERT)
         if mark.point is not None:
-            # a cross in space, larger than the disks that would hide a marker
-            arms = 2.5 * radius * np.eye(3)
+            arms = _CROSS * radius * np.eye(3)
             ends = np.stack([mark.point - arms, mark.point + arms, np.full((3, 3), np.nan)], axis=1)
             traces.append({**_line(ends.reshape(-1, 3), label, plots.ALERT, 6), "connectgaps": False, "meta": entry})
         if mark.positions is not None and mark.rotations is not None:
@@ -342,6 +345,13 @@ def _bounds(picture: Picture) -> tuple[FloatArray, FloatArray]:
     """Lower and upper corner of everything drawn, shape (3,) each, m."""
     guides = [disk.rim for disk in entry_disks(picture)]
     room = float(picture.robot.disk_radii.max())
+    crosses = [mark.point for mark in picture.marks if mark.point is not None]
+    guides += [point + sign * _CROSS * room * np.eye(3) for point in crosses for sign in (-1.0, 1.0)]
+    guides += [
+        (goal.position + _VIEW_ARROW * picture.robot.length * goal.direction)[None]
+        for goal in picture.goals
+        if goal.direction is not None
+    ]
     if not picture.has_path:
         origin, rotation = base_axes(picture)
         guides.append(origin + 3.0 * room * rotation.T)

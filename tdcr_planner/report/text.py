@@ -31,9 +31,14 @@ def plain_text(text: str, most: int = LONG) -> str:
         text: Any text.
         most: Largest number of characters; a longer text loses its middle, which keeps the ending of a file's name.
     """
-    text = " ".join(_DIRECTION_MARKS.sub("", text).split())
-    kinds = ((character, unicodedata.category(character)) for character in text)
-    text = "".join(_UNREADABLE if kind == "Cs" else character for character, kind in kinds if kind != "Cc")
+    readable = []
+    for character in _DIRECTION_MARKS.sub("", text):
+        kind = unicodedata.category(character)
+        if character.isspace():
+            readable.append(" ")
+        elif kind != "Cc":
+            readable.append(_UNREADABLE if kind == "Cs" else character)
+    text = " ".join("".join(readable).split())
     return shorten(text, most)
 
 
@@ -49,11 +54,13 @@ def shorten(text: str, most: int) -> str:
 def figure_text(text: str, most: int = LONG) -> str:
     """Returns a text for a matplotlib figure made inside `plots.plot_style`, which does not look for formulas in it.
 
-    A character without a glyph in the figures' font becomes a white square.
+    A character without a glyph in the figures' font becomes a white square. A space goes before an underscore at the
+    beginning, with which matplotlib marks what a legend leaves out.
     """
     glyphs = _glyphs()
     text = _NO_WIDTH.sub("", plain_text(text, most))
-    return "".join(character if ord(character) in glyphs else MISSING_GLYPH for character in text)
+    text = "".join(character if ord(character) in glyphs else MISSING_GLYPH for character in text)
+    return f" {text}" if text.startswith("_") else text
 
 
 @cache
