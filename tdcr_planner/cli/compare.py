@@ -25,8 +25,8 @@ def compare(
 
     Example: tdcr compare scenes/duct/scenario_elbow.toml --out out/compare --samples 10000
 
-    Writes compare.json, tables (CSV), plots (PNG, PDF) and pictures of the worst disagreements into the output folder,
-    all or nothing.
+    Writes compare.json and tables (CSV) into the output folder, all or nothing, then plots (PNG, PDF) and pictures of
+    the worst disagreements.
 
     Args:
         scenario: Scenario file; it must name a shape model.
@@ -39,11 +39,12 @@ def compare(
     """
     from tdcr_planner.bounds import PROCESSES, QUERIES, SAMPLES, SEED
     from tdcr_planner.cli.cost import REFERENCE_S, SHAPE_BYTES, tell_cost
+    from tdcr_planner.cli.pictures import draw_after
     from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.compare.comparison import compare as compare_scenario
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
-    from tdcr_planner.report.compare_results import write_comparison
+    from tdcr_planner.report.compare_results import draw_comparison, write_comparison_data
     from tdcr_planner.workers import usable_cpus
 
     SAMPLES.check("--samples", samples)
@@ -68,9 +69,12 @@ def compare(
             jobs=processes,
             progress=bar.update,
         )
-    write_comparison(found, out)
+    write_comparison_data(found, out)
     print(describe(found))
-    print(f"files:     {out}/compare.json verdicts.csv agreement.csv states.csv and plots")
+    print(f"files:     {out}/compare.json verdicts.csv agreement.csv states.csv", flush=True)
+    drawn = draw_after("the comparison", lambda: draw_comparison(found, out))
+    if drawn:
+        print(f"pictures:  {len(drawn)} plots and pictures beside them")
     return 0
 
 

@@ -35,9 +35,11 @@ def evaluate(
     """
     from tdcr_planner.bounds import EVALUATION_SAMPLES, SEED
     from tdcr_planner.cli.cost import REFERENCE_S, SHAPE_BYTES, tell_cost
+    from tdcr_planner.cli.pictures import draw_after
     from tdcr_planner.cli.progress import StageBar
     from tdcr_planner.files import check_folder
     from tdcr_planner.learning.evaluate import evaluate_model
+    from tdcr_planner.report.model_plots import draw_evaluation
     from tdcr_planner.shape.learned import load_shape_model
 
     EVALUATION_SAMPLES.check("--samples", samples)
@@ -49,16 +51,18 @@ def evaluate(
     with StageBar(shown=progress) as bar:
         evaluation = evaluate_model(loaded, samples, seed=seed, progress=bar.update)
     text = describe(loaded, evaluation)
-    print(text)
+    print(text, flush=True)
     if out is not None:
         _write(loaded, evaluation, text, out)
-        print(f"files: {out}/evaluation.json evaluation.md and plots")
+        drawn = draw_after("the evaluation", lambda: draw_evaluation(loaded, evaluation, out))
+        print(f"files: {' '.join([f'{out}/evaluation.json', 'evaluation.md', *drawn])}")
     return 0 if _bound_holds(loaded, evaluation) else 1
 
 
 def describe(model: LearnedShape, evaluation: Evaluation) -> str:
     """Returns an evaluation as Markdown tables."""
     from tdcr_planner.report.tables import format_markdown
+    from tdcr_planner.report.text import markdown_text
 
     header = ["model", "sample", "cases", "median mm", "99 % mm", "largest mm", "rotation median °", "residual N m"]
     rows = []
@@ -94,7 +98,7 @@ def describe(model: LearnedShape, evaluation: Evaluation) -> str:
     ]
     bound = model.card.error_bound
     lines = [
-        f"# {model.card.robot.name}: {model.path.name} {model.sha256[:12]}\n",
+        f"# {markdown_text(model.card.robot.name)}: {markdown_text(model.path.name)} {model.sha256[:12]}\n",
         format_markdown(header, rows),
         f"Largest | \\|p'\\| - 1 | {evaluation.arc_length_violation:.1e} (axial strain included), "
         f"largest \\|R'R - I\\| {evaluation.rotation_violation:.1e}.\n",
@@ -122,7 +126,6 @@ def _write(model: LearnedShape, evaluation: Evaluation, text: str, out: Path) ->
     import json
 
     from tdcr_planner.files import write_folder_whole
-    from tdcr_planner.report.model_plots import write_evaluation_plots
 
     content: dict[str, Any] = {
         "model": str(model.path),
@@ -138,6 +141,5 @@ def _write(model: LearnedShape, evaluation: Evaluation, text: str, out: Path) ->
         ],
     }
     with write_folder_whole(out, last="evaluation.json") as staging:
-        write_evaluation_plots(model, evaluation, staging)
         (staging / "evaluation.md").write_text(text, encoding="utf-8")
         (staging / "evaluation.json").write_text(json.dumps(content, indent=1), encoding="utf-8")

@@ -28,7 +28,8 @@ def plan(
 
     Exit code 0 for a verified path, 1 without one; the status says why.
 
-    Writes result.json, trajectory.csv, path.png, path.html and shapes.npz into the output folder, all or nothing.
+    Writes result.json, trajectory.csv and shapes.npz into the output folder, all or nothing, then path.png and
+    path.html. A picture that cannot be drawn is a warning.
 
     Args:
         scenario: Scenario file.
@@ -43,10 +44,11 @@ def plan(
     import time
 
     from tdcr_planner.cli.cost import tell_cost
+    from tdcr_planner.cli.pictures import draw_after
     from tdcr_planner.cli.progress import TimeBar, remark_if_slow
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
-    from tdcr_planner.report.results import RESULT_FILES, write_result
+    from tdcr_planner.report.results import RESULT_FILES, draw_result, write_result_data
     from tdcr_planner.session import PlanningSession, PlanStatus
 
     started = time.perf_counter()
@@ -61,9 +63,10 @@ def plan(
     loaded = time.perf_counter() - started
     with TimeBar("planning", session.scenario.planner.time_limit_s, shown=progress) as bar:
         result = session.plan(load_s=loaded, progress=bar.update)
-    write_result(result, out)
-    print(describe(result))
-    print(f"files:     {out}/result.json trajectory.csv path.png path.html shapes.npz")
+    write_result_data(result, out)
+    print(describe(result), flush=True)
+    drawn = draw_after("the result", lambda: draw_result(result, out))
+    print(f"files:     {out}/{' '.join(['result.json', 'trajectory.csv', *drawn, 'shapes.npz'])}")
     if result.path is None:
         print("           (no path: trajectory.csv and shapes.npz are empty)")
     return 0 if result.status is PlanStatus.VERIFIED else 1

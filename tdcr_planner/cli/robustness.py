@@ -45,11 +45,12 @@ def robustness(
     """
     from tdcr_planner.bounds import ROBOTS, SEED
     from tdcr_planner.cli.cost import REFERENCE_S, SHAPE_BYTES, tell_cost
+    from tdcr_planner.cli.pictures import draw_after
     from tdcr_planner.cli.progress import CountBar
     from tdcr_planner.errors import FormatError
     from tdcr_planner.files import check_folder
     from tdcr_planner.report.results import read_result
-    from tdcr_planner.report.robustness_results import write_robustness
+    from tdcr_planner.report.robustness_results import draw_robustness, write_robustness_data
     from tdcr_planner.robustness import Tolerances, assess_robustness
 
     tolerances = Tolerances(youngs_modulus, tension, mass, 1e-3 * base_position_mm, base_angle_deg)
@@ -65,10 +66,11 @@ def robustness(
     with CountBar("drawing robots", shown=progress) as bar:
         found = assess_robustness(planned, tolerances, samples=samples, seed=seed, progress=bar.update)
     if out is not None:
-        write_robustness(planned, found, out)
-    print(describe(found))
+        write_robustness_data(planned, found, out)
+    print(describe(found), flush=True)
     if out is not None:
-        print(f"files: {out}/robustness.json robustness.png")
+        drawn = draw_after("robustness.json", lambda: draw_robustness(found, out))
+        print(f"files: {' '.join([f'{out}/robustness.json', *drawn])}")
     return 0
 
 

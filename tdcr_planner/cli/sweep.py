@@ -40,8 +40,9 @@ def sweep(
     """
     from tdcr_planner.cli.backend import choose_backend
     from tdcr_planner.cli.cost import tell_cost
+    from tdcr_planner.cli.pictures import draw_after
     from tdcr_planner.cli.progress import CountBar
-    from tdcr_planner.report.sweep_results import write_sweep
+    from tdcr_planner.report.sweep_results import draw_sweep, write_sweep_data
     from tdcr_planner.sweep.runner import run_sweep
     from tdcr_planner.sweep.suite import load_suite
     from tdcr_planner.workers import local_backend, usable_cpus
@@ -52,9 +53,12 @@ def sweep(
     tell_cost("suite, at its time limits", sum(job.time_limit_s for job in content.jobs) / processes)
     with CountBar("sweep", shown=progress) as bar:
         outcome = run_sweep(content, out, backend, retry_failed=retry_failed, progress=bar.update)
-    write_sweep(outcome, out)
+    write_sweep_data(outcome, out)
     print(describe(outcome))
-    print(f"files:    {out}/summary.md summary.json results.csv timings.csv success.png times.png spread.png")
+    print(f"files:    {out}/summary.md summary.json results.csv timings.csv", flush=True)
+    drawn = draw_after("the report", lambda: draw_sweep(outcome, out))
+    if drawn:
+        print(f"plots:    {out}/{' '.join(name for name in drawn if name.endswith('.png'))}")
     return 0 if outcome.complete and not outcome.failed else 1
 
 

@@ -7,8 +7,13 @@ import sys
 import webbrowser
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
+
+if TYPE_CHECKING:
+    from tdcr_planner.report.picture import Picture
+    from tdcr_planner.session import PlanResult
 
 
 def view(
@@ -29,7 +34,7 @@ def view(
 
     Example: tdcr view scenes/duct/scenario_elbow.toml --live
 
-    Exit code 1 when the page was written and no browser could be opened.
+    Exit code 1 when the page was written and an export failed, or no browser could be opened.
 
     Args:
         file: The result.json of `tdcr plan` (or its folder), or a scenario (.toml).
@@ -45,12 +50,11 @@ def view(
     """
     from tdcr_planner.bounds import PORT
     from tdcr_planner.errors import FormatError, TdcrError
-    from tdcr_planner.files import check_file_target, real_path, write_file_whole
+    from tdcr_planner.files import check_file_target, real_path
     from tdcr_planner.planning.scenario import load_scenario
-    from tdcr_planner.report.export import check_export, export_picture
+    from tdcr_planner.report.export import check_export
     from tdcr_planner.report.picture import gather_picture, gather_scenario_picture, with_start_checked
     from tdcr_planner.report.results import read_result
-    from tdcr_planner.report.scene_html import write_html
 
     PORT.check("--port", port)
     if live:
@@ -74,18 +78,53 @@ def view(
         page = out or (file if os.path.isdir(file) else file.parent) / "path.html"
     else:
         raise FormatError(file, f"expected a result (.json) or a scenario (.toml), got {file.suffix or 'no ending'!r}")
-    with write_file_whole(page) as temporary:
-        write_html(picture, temporary)
-    print(page)
+    drawn = _draw_page(picture, page)
     if result is None:
         print(picture.message)
-    for target in export:
-        export_picture(picture, target, result)
-        print(target)
+    exported = [_export(picture, target, result) for target in export]
+    if not (drawn and all(exported)):
+        return 1
     if open_browser and not open_page(real_path(page).as_uri()):
         print("no browser could be opened here; open that file in one", file=sys.stderr)
         return 1
     return 0
+
+
+def _draw_page(picture: Picture, page: Path) -> bool:
+    """Writes the page and returns whether it could be drawn; if not, a warning names it.
+
+    Raises:
+        FormatError: The page cannot be written.
+    """
+    from tdcr_planner.errors import TdcrError
+    from tdcr_planner.files import write_file_whole
+    from tdcr_planner.report.drawing import warn_not_drawn
+    from tdcr_planner.report.scene_html import write_html
+
+    try:
+        with write_file_whole(page) as temporary:
+            write_html(picture, temporary)
+    except TdcrError:
+        raise
+    except Exception as error:
+        warn_not_drawn(page, error)
+        return False
+    print(page)
+    return True
+
+
+def _export(picture: Picture, target: Path, result: PlanResult | None) -> bool:
+    """Exports one file and returns whether it could be; if not, a warning names it and the other files stand."""
+    from tdcr_planner.report.drawing import warn_not_drawn
+    from tdcr_planner.report.export import export_picture
+
+    try:
+        export_picture(picture, target, result)
+    except Exception as error:
+        warn_not_drawn(target, error)
+        return False
+    print(target)
+    return True
 
 
 def _view_live(file: Path, port: int, host: str, open_browser: bool) -> int:

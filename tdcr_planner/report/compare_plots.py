@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,6 +16,7 @@ from tdcr_planner.compare.paths import path_rates
 from tdcr_planner.compare.verdicts import MODELS, VARIANTS
 from tdcr_planner.rates import Rate
 from tdcr_planner.report import plots
+from tdcr_planner.report.drawing import Drawing
 
 _DPI = 120
 _LABELS = {
@@ -39,16 +40,12 @@ _MARKERS = {"learned": "o", "learned_without_bound": "s", "constant_curvature": 
 _DODGE = 0.22
 
 
-def write_compare_plots(comparison: Comparison, folder: Path) -> None:
-    """Writes the plots of a comparison as PNG and PDF into an existing folder; paths only where some were planned."""
-    drawings = {"rates": draw_rates, "agreement": draw_agreement, "deviation": draw_deviation, "times": draw_times}
+def compare_drawings(comparison: Comparison) -> dict[str, Drawing]:
+    """Returns what draws each plot of a comparison, as PNG and PDF; paths only where some were planned."""
+    figures = {"rates": draw_rates, "agreement": draw_agreement, "deviation": draw_deviation, "times": draw_times}
     if comparison.paths:
-        drawings["paths"] = draw_paths
-    with plots.plot_style():
-        for name, draw in drawings.items():
-            figure = draw(comparison)
-            for suffix in (".png", ".pdf"):
-                plots.save_figure(figure, folder / f"{name}{suffix}")
+        figures["paths"] = draw_paths
+    return plots.figure_drawings({name: partial(draw, comparison) for name, draw in figures.items()})
 
 
 def draw_rates(comparison: Comparison) -> Figure:

@@ -18,8 +18,9 @@ from tdcr_planner.errors import FormatError
 from tdcr_planner.files import FileModel, parse_table, read_json, write_folder_whole
 from tdcr_planner.planning.validity import CAUSES
 from tdcr_planner.rates import quantiles, ratio_at_least
-from tdcr_planner.report.compare_plots import write_compare_plots
-from tdcr_planner.report.disagreement import write_disagreements
+from tdcr_planner.report.compare_plots import compare_drawings
+from tdcr_planner.report.disagreement import disagreement_drawings
+from tdcr_planner.report.drawing import draw_pictures
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.tables import Row, write_csv
 from tdcr_planner.session import library_versions
@@ -28,10 +29,7 @@ COMPARE_FORMAT = "tdcr-compare/1"
 
 
 def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
-    """Writes a comparison, all files or none.
-
-    compare.json; verdicts.csv (a row a variant), agreement.csv (a row a variant and clearance bin), states.csv (a row
-    a state), paths.csv (a row a query); plots as PNG and PDF; a picture of each of the worst disagreements.
+    """Writes a comparison's numbers, all files or none, then draws its plots and pictures.
 
     Args:
         comparison: The comparison.
@@ -42,9 +40,24 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
         The path of compare.json.
 
     Raises:
+        FormatError: The folder cannot be written. A picture that cannot be drawn is a warning.
+    """
+    file = write_comparison_data(comparison, folder)
+    draw_comparison(comparison, folder)
+    return file
+
+
+def write_comparison_data(comparison: Comparison, folder: str | Path) -> Path:
+    """Writes the numbers of a comparison, all files or none; returns the path of compare.json.
+
+    compare.json; verdicts.csv (a row a variant), agreement.csv (a row a variant and clearance bin), states.csv (a row
+    a state), paths.csv (a row a query).
+
+    Raises:
         FormatError: The folder cannot be written.
     """
     content = comparison_content(comparison)
+    content["pictures"] = list(disagreement_drawings(comparison))
     earlier = _optional_files(Path(folder) / "compare.json")
     with write_folder_whole(folder, last="compare.json") as staging:
         for name, rows in (
@@ -55,13 +68,19 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
         ):
             if rows:
                 write_csv(rows, list(rows[0]), staging / f"{name}.csv")
-        write_compare_plots(comparison, staging)
-        content["pictures"] = write_disagreements(comparison, staging)
         text = json.dumps(plain_json(content), indent=1, allow_nan=False)
         (staging / "compare.json").write_text(text + "\n", encoding="utf-8")
     for name in earlier - _optional_files(Path(folder) / "compare.json"):
         (Path(folder) / name).unlink(missing_ok=True)
     return Path(folder) / "compare.json"
+
+
+def draw_comparison(comparison: Comparison, folder: str | Path) -> list[str]:
+    """Draws plots as PNG and PDF and a picture of each of the worst disagreements; returns what was drawn.
+
+    A picture that cannot be drawn is a warning that names it.
+    """
+    return draw_pictures(folder, compare_drawings(comparison) | disagreement_drawings(comparison))
 
 
 def _optional_files(path: Path) -> set[str]:

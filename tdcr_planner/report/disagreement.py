@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.compare.comparison import Comparison, Disagreement
 from tdcr_planner.planning.scene import entry_plane
 from tdcr_planner.report import plots, raster
+from tdcr_planner.report.drawing import Drawing
 from tdcr_planner.report.picture import Picture, gather_scenario_picture
 from tdcr_planner.report.raster import Camera
 from tdcr_planner.report.robot_mesh import backbone_curve
@@ -39,18 +41,18 @@ _CAUSES = {
 }
 
 
-def write_disagreements(comparison: Comparison, folder: Path) -> list[str]:
-    """Writes a PNG for each of a comparison's disagreements into an existing folder and returns the file names."""
-    if not comparison.disagreements:
-        return []
-    scene = gather_scenario_picture(comparison.scenario)
-    names = []
-    with plots.plot_style():
-        for number, item in enumerate(comparison.disagreements, start=1):
-            name = f"disagreement_{number}_{item.variant}_{item.kind}.png"
-            plots.save_figure(draw_disagreement(scene, item), folder / name)
-            names.append(name)
-    return names
+def disagreement_drawings(comparison: Comparison) -> dict[str, Drawing]:
+    """Returns what draws each of a comparison's disagreements as PNG, by file name."""
+    scene = cache(lambda: gather_scenario_picture(comparison.scenario))
+
+    def draw(item: Disagreement, file: Path) -> None:
+        with plots.plot_style():
+            plots.save_figure(draw_disagreement(scene(), item), file)
+
+    return {
+        f"disagreement_{number}_{item.variant}_{item.kind}.png": partial(draw, item)
+        for number, item in enumerate(comparison.disagreements, start=1)
+    }
 
 
 def draw_disagreement(scene: Picture, item: Disagreement) -> Figure:

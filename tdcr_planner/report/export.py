@@ -21,6 +21,7 @@ from tdcr_planner.report.picture import Picture
 from tdcr_planner.report.scene_image import SceneRenderer
 from tdcr_planner.report.scene_png import write_png
 from tdcr_planner.report.state_files import trajectory_table, write_shapes, write_trajectory_csv
+from tdcr_planner.report.text import figure_text
 from tdcr_planner.report.viewpoint import choose_camera
 from tdcr_planner.session import PlanResult
 
@@ -152,14 +153,13 @@ def write_animation(
     writer = animation.FFMpegWriter(fps=rate) if mp4 else animation.PillowWriter(fps=rate)
     with plots.plot_style():
         figure = plots.new_figure(width, height)
+        title = figure_text(picture.title, 40)
         note = figure.text(0.02, 0.95, "", fontsize=13.0, fontweight="bold")
         with writer.saving(figure, str(file), figure.dpi):
             for state in states:
                 image = renderer.render(np.array([state]), np.ones(1))
                 shown = figure.figimage(raster.to_bytes(image))
-                note.set_text(
-                    f"{picture.title}   {picture.times[state]:.1f} s{_clearance_note(picture.clearance[state])}"
-                )
+                note.set_text(f"{title}   {picture.times[state]:.1f} s{_clearance_note(picture.clearance[state])}")
                 writer.grab_frame()
                 shown.remove()
 

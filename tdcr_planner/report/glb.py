@@ -16,9 +16,13 @@ from scipy.spatial.transform import Rotation
 from trimesh.visual.material import PBRMaterial
 
 from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.collision.body import Kind
 from tdcr_planner.report import plots
+from tdcr_planner.report.body_mesh import solid_ends
 from tdcr_planner.report.picture import Picture
-from tdcr_planner.report.robot_mesh import Mesh, backbone_curve, disk_mesh, tendon_lines, tube_mesh
+from tdcr_planner.report.robot_mesh import Mesh, backbone_curve, disk_mesh, merge_meshes, tendon_lines, tube_mesh
+from tdcr_planner.report.tendon_style import tendon_colour
+from tdcr_planner.report.text import plain_text
 
 MAX_KEYFRAMES = 128
 _PIECES_PER_GAP = 2
@@ -52,7 +56,7 @@ def write_glb(picture: Picture, file: str | Path) -> None:
     scene = trimesh.Scene()
     for number, mesh in enumerate(picture.meshes):
         colour = (0.76, 0.82, 0.86) if mesh.role == "cavity" else (0.79, 0.75, 0.70)
-        _add(scene, f"{number + 1} {mesh.name}", (mesh.vertices, mesh.faces), colour, 0.3)
+        _add(scene, f"{number + 1} {plain_text(mesh.name)}", (mesh.vertices, mesh.faces), colour, 0.3)
     for number, goal in enumerate(picture.goals):
         ball = trimesh.creation.icosphere(subdivisions=3, radius=max(goal.tolerance, 1e-3))
         _add(scene, f"goal {number + 1}", (ball.vertices + goal.position, ball.faces), to_rgb(plots.GOAL), 0.5)
@@ -62,6 +66,16 @@ def write_glb(picture: Picture, file: str | Path) -> None:
     if apart.sum() > 1:
         tube = tube_mesh(tips[apart], 0.25 * picture.robot.backbone.radius_m + 2e-4)
         _add(scene, "tip trace", tube, to_rgb(plots.TRACE), 1.0)
+    for number, mark in enumerate(picture.marks):
+        name = f"mark {number + 1}: {plain_text(mark.label)}"
+        if mark.point is not None:
+            ball = trimesh.creation.icosphere(subdivisions=3, radius=0.4 * float(picture.robot.disk_radii.max()))
+            _add(scene, name, (ball.vertices + mark.point, ball.faces), to_rgb(plots.ALERT), 1.0)
+        if mark.positions is not None and mark.rotations is not None:
+            line = backbone_curve(mark.positions, mark.rotations, picture.robot.arc_lengths)
+            tube = tube_mesh(line, picture.robot.backbone.radius_m)
+            ghost = merge_meshes([disk_mesh(picture.robot, mark.positions, mark.rotations), tube])
+            _add(scene, f"{name}, configuration", ghost, to_rgb(plots.ALERT), 0.4)
     states = picture.frame_states(MAX_KEYFRAMES)
     states = states[np.diff(picture.times[states], prepend=-np.inf) > 0.0]
     tracks = _add_robot(scene, picture, states) if len(states) else {}
@@ -95,8 +109,20 @@ def _add_robot(scene: trimesh.Scene, picture: Picture, states: IntArray) -> dict
     lines = [tendon_lines(robot, one, turn) for one, turn in zip(positions, rotations, strict=True)]
     for tendon in range(robot.tendon_count):
         line = np.stack([state[tendon] for state in lines])
-        thread = _rod(scene, f"tendon {tendon + 1}", radius, plots.tendon_colour(tendon))
+        thread = _rod(scene, f"tendon {tendon + 1}", radius, tendon_colour(tendon))
         thread.lay(tracks, f"tendon {tendon + 1}", line, rotations[:, : line.shape[1] - 1])
+    for kind, name, colour, opacity in (
+        (Kind.SLEEVE, "sleeve", plots.SLEEVE, 0.35),
+        (Kind.SHAFT, "shaft", plots.SHAFT, 1.0),
+    ):
+        solids = [solid_ends(picture.body, kind, one, turn) for one, turn in zip(positions, rotations, strict=True)]
+        for number, radius in enumerate(solids[0][1]):
+            node = name if kind == Kind.SHAFT else f"{name} {number + 1}"
+            line = np.stack([ends[number] for ends, _ in solids])
+            disk = 0 if kind == Kind.SHAFT else number
+            _rod(scene, node, float(radius), colour, opacity, sides=24).lay(
+                tracks, node, line, rotations[:, disk : disk + 1]
+            )
     return tracks
 
 
@@ -120,7 +146,9 @@ class _Rod:
         for piece in range(chords.shape[1]):
             turn = Rotation.from_matrix(frames[:, piece]) * Rotation.from_quat(half[:, piece])
             node = f"{name}, piece {piece + 1}"
-            scale = np.stack([np.ones(len(lines)), np.ones(len(lines)), lengths[:, piece]], axis=1)
+            # a piece of no length, as a shaft that is not out, is a point
+            across = (lengths[:, piece] > 0.0).astype(np.float64)
+            scale = np.stack([across, across, lengths[:, piece]], axis=1)
             tracks[node] = Track(lines[:, piece], _steady(turn.as_quat()), scale)
             if piece == 0:
                 self.scene.add_geometry(self.body, geom_name=name, node_name=node)
@@ -128,9 +156,9 @@ class _Rod:
                 self.scene.graph.update(frame_to=node, matrix=np.eye(4), geometry=name)
 
 
-def _rod(scene: trimesh.Scene, name: str, radius: float, colour: str) -> _Rod:
+def _rod(scene: trimesh.Scene, name: str, radius: float, colour: str, opacity: float = 1.0, sides: int = 8) -> _Rod:
     ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    return _Rod(scene, _body(name, tube_mesh(ends, radius), to_rgb(colour), 1.0))
+    return _Rod(scene, _body(name, tube_mesh(ends, radius, sides), to_rgb(colour), opacity))
 
 
 def _steady(quaternions: FloatArray) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import html
 import socket
 import threading
 from collections.abc import Iterator
@@ -14,29 +13,37 @@ import numpy as np
 from matplotlib.colors import to_rgb
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.collision.body import RobotBody
 from tdcr_planner.collision.scene import Contact
 from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Validity
 from tdcr_planner.report import plots
+from tdcr_planner.report.body_mesh import part_mesh, shaft_mesh, sleeve_mesh
 from tdcr_planner.report.live_scene import Controls, LiveScene, Look, describe
-from tdcr_planner.report.picture import gather_scenario_picture
+from tdcr_planner.report.picture import Picture, gather_scenario_picture
 from tdcr_planner.report.robot_mesh import (
     Mesh,
     backbone_curve,
     disk_mesh,
     merge_meshes,
-    part_mesh,
     tendon_lines,
     tube_mesh,
 )
+from tdcr_planner.report.scene_guides import AXIS_COLOURS, GRAVITY_COLOUR, base_axes, entry_disks
+from tdcr_planner.report.tendon_style import tendon_colour
+from tdcr_planner.report.text import SHORT, page_text, plain_text
 from tdcr_planner.report.viewpoint import choose_camera
 from tdcr_planner.session import PlanningSession
 
 NEAR = "#E69F00"
 _GHOSTS: dict[Validity, str] = {"learned": plots.LEARNED, "reference": plots.MUTED, "constant_curvature": "#E69F00"}
-_WALLS = {"cavity": ((160, 178, 196), 0.25), "obstacle": ((190, 178, 162), 0.55)}
+# Darker than in the other pictures: viser lights a scene brightly, and what is pale turns white.
+_WALLS = {"cavity": ((62, 92, 122), 0.38), "obstacle": ((112, 92, 66), 0.55)}
+_BACKGROUND = (214, 221, 229)
 _NOTE_PX = 196
 LARGEST_PORT = 65535
+# viser gives a slider's number room for five characters, and cuts the others.
+_STYLE = "<style>.mantine-NumberInput-root { width: 4.6rem !important; flex: none; }</style>"
 # What may be drawn of a state beside the robot; removed where a state has none of it.
 _PASSING = ("/contact/parts", "/contact/triangles", "/contact/points", "/contact/label")
 
@@ -101,6 +108,7 @@ class LiveViewer:
         self._setter: int | None = None
         self._size = float(scene.robot.disk_radii.max())
         server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        server.scene.set_background_image(np.full((2, 2, 3), _BACKGROUND, dtype=np.uint8), format="png")
         self._draw_scene()
         self._note = server.gui.add_html("")
         self._add_controls()
@@ -186,7 +194,10 @@ class LiveViewer:
         with gui.add_folder("Bending vector (N), tensions of least sum", expand_by_default=False):
             reach = space.upper[: space.bending_count]
             names = [f"segment {index + 1}, {axis}" for index in range(robot.segment_count) for axis in "xy"]
-            self._bending = [_slider(gui, name, -high, high, 0.0) for name, high in zip(names, reach, strict=True)]
+            self._bending = [
+                _slider(gui, name, -_rounded_up(high), _rounded_up(high), 0.0)
+                for name, high in zip(names, reach, strict=True)
+            ]
         with gui.add_folder("Shapes"):
             self._model = gui.add_dropdown("drawn and judged", scene.models, initial_value=scene.models[0])
             self._ghosts = {name: gui.add_checkbox(f"+ {_words(name)}", False) for name in scene.models}
@@ -237,7 +248,8 @@ class LiveViewer:
     def _draw_scene(self) -> None:
         picture = gather_scenario_picture(self._scene.session.scenario)
         camera = choose_camera(picture, 800, 600)
-        height = camera.height / camera.scale
+        # a view in perspective shows less of what is near
+        height = 1.6 * camera.height / camera.scale
         # the sliders' panel covers the right of the window
         centre = camera.centre + 0.22 * height * camera.rotation[0]
         view = self._server.initial_camera
@@ -252,6 +264,7 @@ class LiveViewer:
                 opacity=opacity,
                 side="double",
             )
+        self._draw_guides(picture)
         for number, goal in enumerate(picture.goals):
             self._server.scene.add_icosphere(
                 f"/goal/{number}",
@@ -261,18 +274,43 @@ class LiveViewer:
                 position=goal.position,
             )
 
+    def _draw_guides(self, picture: Picture) -> None:
+        """Draws the entry planes as dashed circles and the base frame at the start as three lines."""
+        for number, disk in enumerate(entry_disks(picture)):
+            # every other piece of the rim: a dashed line
+            dashes = [
+                tube_mesh(disk.rim[start : start + 2], 0.04 * self._size, 6) for start in range(0, len(disk.rim) - 1, 2)
+            ]
+            self._put(f"/entry/{number}", merge_meshes(dashes), GRAVITY_COLOUR)
+        origin, rotation = base_axes(picture)
+        for index, (axis, colour) in enumerate(AXIS_COLOURS.items()):
+            arm = np.stack([origin, origin + 3.0 * self._size * rotation[:, index]])
+            self._put(f"/base/{axis}", tube_mesh(arm, 0.06 * self._size), colour)
+
     def _draw_robot(self, look: Look) -> None:
         if not look.has_shape:
-            self._remove("/robot/disks", "/robot/backbone", *(f"/robot/tendon{i}" for i in range(len(self._tendons))))
+            self._remove(
+                "/robot/disks",
+                "/robot/backbone",
+                "/robot/sleeve",
+                "/robot/shaft",
+                *(f"/robot/tendon{i}" for i in range(len(self._tendons))),
+            )
             return
         robot, positions, rotations = self._scene.robot, look.positions, look.rotations
         self._put("/robot/disks", disk_mesh(robot, positions, rotations), plots.ROBOT)
         line = backbone_curve(positions, rotations, robot.arc_lengths)
         self._put("/robot/backbone", tube_mesh(line, robot.backbone.radius_m), plots.INK)
+        body = self._scene.session.scene.body
+        bare = RobotBody(robot, None, body.shaft)
+        self._put_or_remove(
+            "/robot/sleeve", _drawn(sleeve_mesh(bare, positions, rotations)), plots.SLEEVE, opacity=0.35
+        )
+        self._put_or_remove("/robot/shaft", _drawn(shaft_mesh(bare, positions, rotations)), plots.SHAFT)
         # a real tendon is a hair that no screen shows
         radius = max(robot.body.tendon_radius_m, 0.04 * self._size)
         for index, points in enumerate(tendon_lines(robot, positions, rotations)):
-            self._put(f"/robot/tendon{index}", tube_mesh(points, radius, sides=6), plots.tendon_colour(index))
+            self._put(f"/robot/tendon{index}", tube_mesh(points, radius, sides=6), tendon_colour(index))
 
     def _draw_contacts(self, look: Look) -> None:
         contacts = look.contacts or (() if look.near is None else (look.near,))
@@ -282,7 +320,7 @@ class LiveViewer:
         colour = plots.ALERT if look.contacts else NEAR
         names = {name for contact in contacts for name in contact.part.split(" and ")}
         body = self._scene.session.scene.body
-        parts = [part_mesh(body.robot, look.positions, look.rotations, name, 0.02 * self._size) for name in names]
+        parts = [part_mesh(body, look.positions, look.rotations, name, 0.02 * self._size) for name in names]
         self._put_or_remove("/contact/parts", [part for part in parts if part is not None], colour)
         walls = {mesh.name: mesh for mesh in self._scene.session.scene.meshes}
         touched = [contact for contact in contacts if contact.triangle >= 0]
@@ -296,7 +334,7 @@ class LiveViewer:
         self._put("/contact/points", merge_meshes(balls), plots.INK)
         self._shown.add("/contact/label")
         self._server.scene.add_label(
-            "/contact/label", _short(contacts[0], bool(look.contacts)), position=contacts[0].point
+            "/contact/label", plain_text(_short(contacts[0], bool(look.contacts)), SHORT), position=contacts[0].point
         )
 
     def _draw_ghosts(self, controls: Controls, look: Look) -> list[str]:
@@ -320,9 +358,9 @@ class LiveViewer:
                 lines.append(f"tip of the {_words(name)} shape {_length(apart)} away")
         return lines
 
-    def _put_or_remove(self, name: str, meshes: list[Mesh], colour: str) -> None:
+    def _put_or_remove(self, name: str, meshes: list[Mesh], colour: str, opacity: float | None = None) -> None:
         if meshes:
-            self._put(name, merge_meshes(meshes), colour)
+            self._put(name, merge_meshes(meshes), colour, opacity)
         else:
             self._remove(name)
 
@@ -345,9 +383,27 @@ class LiveViewer:
         self._shown.difference_update(names)
 
 
+def _drawn(mesh: Mesh) -> list[Mesh]:
+    """Returns a mesh in a list, which is empty for one that has no triangles or is one point."""
+    vertices, faces = mesh
+    return [mesh] if len(faces) and np.ptp(vertices, axis=0).max() > 0.0 else []
+
+
 def _slider(gui: Any, name: str, low: float, high: float, value: float) -> Any:
-    step = max(float(high - low), 1e-6) / 1000
-    return gui.add_slider(name, min=float(low), max=float(high), step=step, initial_value=float(value))
+    """Adds a slider whose numbers have three digits behind the first of its range; what is set stays exact."""
+    digits = 3 - int(np.floor(np.log10(max(float(high - low), 1e-6))))
+    step = 10.0**-digits
+    # viser shows as many digits as the first value, the limits and the step have
+    shown = float(np.clip(round(float(value), max(digits, 0)), low, high))
+    slider = gui.add_slider(name, min=float(low), max=float(high), step=step, initial_value=shown)
+    slider.value = float(value)
+    return slider
+
+
+def _rounded_up(value: float) -> float:
+    """Returns a limit of a slider with three digits, at least the value."""
+    unit = 10.0 ** (np.floor(np.log10(max(value, 1e-6))) - 2)
+    return float(f"{np.ceil(value / unit * (1.0 - 1e-12)) * unit:.3g}")
 
 
 def _words(name: str) -> str:
@@ -361,9 +417,11 @@ def _length(millimetres: float) -> str:
 
 def _note_html(head: str, colour: str, lines: list[str]) -> str:
     """Returns the verdict as a badge over its sentences, in a box of one height: the sliders below it stay in place."""
-    badge = f'<b style="background:{colour};color:white;padding:3px 12px;border-radius:11px">{html.escape(head)}</b>'
-    text = "".join(f'<div style="margin-top:5px">{html.escape(line)}</div>' for line in lines)
-    return f'<div style="height:{_NOTE_PX}px;overflow:auto;padding:8px 12px 0;font-size:13px">{badge}{text}</div>'
+    badge = f'<b style="background:{colour};color:white;padding:3px 12px;border-radius:11px">{page_text(head)}</b>'
+    text = "".join(f'<div style="margin-top:5px">{page_text(line)}</div>' for line in lines)
+    return (
+        f'{_STYLE}<div style="height:{_NOTE_PX}px;overflow:auto;padding:8px 12px 0;font-size:13px">{badge}{text}</div>'
+    )
 
 
 def _short(contact: Contact, touching: bool) -> str:

@@ -7,21 +7,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdcr_planner.report.plots import ALERT, PALETTE, new_figure, plot_style, save_figure
+from tdcr_planner.report.drawing import Drawing, draw_pictures
+from tdcr_planner.report.plots import ALERT, PALETTE, new_figure, plain_log_axis, plot_style, save_figure
+from tdcr_planner.report.text import figure_text
 
 if TYPE_CHECKING:
     from tdcr_planner.learning.evaluate import Evaluation
     from tdcr_planner.shape.learned import LearnedShape
 
 
-def write_evaluation_plots(model: LearnedShape, evaluation: Evaluation, folder: Path) -> list[Path]:
-    """Writes the figures of an evaluation into a folder and returns their paths."""
-    files = [folder / name for name in ("error_by_disk.png", "error_by_load.png", "error_over_actuation.png")]
-    with plot_style():
-        _plot_by_disk(model, evaluation, files[0])
-        _plot_by_load(model, evaluation, files[1])
-        _plot_over_plane(evaluation, files[2])
-    return files
+def draw_evaluation(model: LearnedShape, evaluation: Evaluation, folder: str | Path) -> list[str]:
+    """Draws the figures of an evaluation into a folder and returns the names of those that were drawn.
+
+    A figure that cannot be drawn is a warning that names it.
+    """
+
+    def styled(plot: Drawing) -> Drawing:
+        def draw(file: Path) -> None:
+            with plot_style():
+                plot(file)
+
+        return draw
+
+    drawings: dict[str, Drawing] = {
+        "error_by_disk.png": lambda file: _plot_by_disk(model, evaluation, file),
+        "error_by_load.png": lambda file: _plot_by_load(model, evaluation, file),
+        "error_over_actuation.png": lambda file: _plot_over_plane(evaluation, file),
+    }
+    return draw_pictures(folder, {name: styled(plot) for name, plot in drawings.items()})
 
 
 def _plot_by_disk(model: LearnedShape, evaluation: Evaluation, path: Path) -> None:
@@ -39,10 +52,11 @@ def _plot_by_disk(model: LearnedShape, evaluation: Evaluation, path: Path) -> No
             axes.semilogy(arc_lengths, np.maximum(level, 1e-9), label=name, color=PALETTE[colour])
         axes.set_xlabel("arc length, mm")
         axes.set_ylabel(unit)
+        plain_log_axis(axes, "y")
     bound = 1e3 * model.error_bound[1:]
     position.semilogy(arc_lengths, np.maximum(bound, 1e-9), "--", color=ALERT, label="error bound (whole disk)")
     position.legend()
-    position.set_title(f"{model.card.robot.name}: {len(evaluation.errors)} unseen cases")
+    position.set_title(f"{figure_text(model.card.robot.name, 30)}: {len(evaluation.errors)} unseen cases")
     figure.tight_layout()
     save_figure(figure, path)
 
@@ -58,6 +72,7 @@ def _plot_by_load(model: LearnedShape, evaluation: Evaluation, path: Path) -> No
     domain = model.card.domain
     axes.set_xlabel(f"load, % of {domain.gravity_m_s2:g} m/s² and {domain.tip_force_n:g} N")
     axes.set_ylabel("position error, mm")
+    plain_log_axis(axes, "y")
     axes.legend()
     figure.tight_layout()
     save_figure(figure, path)

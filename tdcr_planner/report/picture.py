@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.collision.body import RobotBody
 from tdcr_planner.collision.meshes import read_triangles
 from tdcr_planner.errors import FormatError
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import planning_margins
+from tdcr_planner.report.body_mesh import tested_body
+from tdcr_planner.report.marks import Mark, contact_marks, goal_marks, marks_of
+from tdcr_planner.report.reference_poses import reference_shapes
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.se3 import transform_points
 
 if TYPE_CHECKING:
     from tdcr_planner.session import PlanResult
@@ -77,7 +82,9 @@ class Picture:
         clearance: Shape (k,), m; NaN where it is not known.
         deviation: Between reference and shape model, shape (k,), m; NaN where it is not known.
         has_path: False when the only state is the start.
-        contact: Where the start touches something, shape (3,), m, world frame; None where it does not or nobody asked.
+        marks: What is pointed out besides: contacts, and configurations with a label.
+        failed_state: Index of the state for which the reference does not verify the path; None where it does.
+        failure: Why, in a word or two.
     """
 
     title: str
@@ -97,7 +104,9 @@ class Picture:
     clearance: FloatArray
     deviation: FloatArray
     has_path: bool
-    contact: FloatArray | None = None
+    marks: tuple[Mark, ...] = ()
+    failed_state: int | None = None
+    failure: str = ""
 
     @property
     def robot(self) -> RobotSpec:
@@ -115,10 +124,35 @@ class Picture:
         placed = np.isfinite(self.positions).all(axis=(1, 2))
         return np.asarray(placed & np.isfinite(self.rotations).all(axis=(1, 2, 3)))
 
+    @cached_property
+    def body(self) -> RobotBody:
+        """The solids that are tested against the meshes, without margins."""
+        return tested_body(self.scenario)
+
+    @property
+    def contact(self) -> FloatArray | None:
+        """The first place that is marked, shape (3,), m, world frame; None without one."""
+        return next((mark.point for mark in self.marks if mark.point is not None), None)
+
     @property
     def worst_state(self) -> int | None:
-        """Index of the state of least clearance, or None when no clearance is known."""
+        """Index of the state that fails, else of the state of least clearance; None when neither is known.
+
+        Where the reference has no shape for the state that fails, it is the last state before it that has one.
+        """
+        if self.failed_state is not None:
+            drawn = np.flatnonzero(self.known[: self.failed_state + 1])
+            if len(drawn):
+                return int(drawn[-1])
         return int(np.nanargmin(self.clearance)) if np.isfinite(self.clearance).any() else None
+
+    @property
+    def worst_label(self) -> str:
+        """What the worst state is called: why it fails, and its clearance where that is known."""
+        state = self.worst_state
+        name = f"failing state ({self.failure})" if self.failure else "worst state"
+        known = state is not None and np.isfinite(self.clearance[state])
+        return f"{name}, {1e3 * self.clearance[state]:.2f} mm" if known else name
 
     def frame_states(self, most: int) -> IntArray:
         """Returns up to `most` states with a shape, spread evenly over the time; first, last and worst among them."""
@@ -133,11 +167,21 @@ class Picture:
         return np.unique(np.concatenate([known[chosen], np.array(extra, dtype=np.int64)]))
 
 
-def gather_picture(result: PlanResult) -> Picture:
-    """Returns what a picture of a result shows; without a path, the scene with start and goal."""
+def gather_picture(result: PlanResult, marks: Sequence[Mark] = ()) -> Picture:
+    """Returns what a picture of a result shows; without a path, the scene with start, goal and what is in the way.
+
+    Args:
+        result: The answer to a query. What its `planner["marks"]` names is marked, see `marks.marks_of`.
+        marks: What is to be marked besides.
+    """
     path, report = result.path, result.verification
+    marked = (*marks, *marks_of(result))
     if path is None or len(path) == 0:
-        return gather_scenario_picture(result.scenario, result.status.value, result.message)
+        picture = gather_scenario_picture(result.scenario, result.status.value, result.message)
+        at_goal = result.status.value == "invalid_goal"
+        found = contact_marks(result.message, at_start=result.status.value == "invalid_start")
+        return replace(picture, marks=(*marked, *goal_marks(result.scenario, found if at_goal else ()), *found))
+    failed = report is not None and not report.verified
     robot, count = result.scenario.robot, len(path)
     unknown = np.full(count, np.nan)
     return Picture(
@@ -158,6 +202,9 @@ def gather_picture(result: PlanResult) -> Picture:
         clearance=unknown if report is None else report.clearance,
         deviation=unknown if report is None else report.deviation,
         has_path=True,
+        marks=(*marked, *contact_marks(result.message)),
+        failed_state=report.worst_state if report is not None and failed else None,
+        failure=report.cause.replace("_", " ") if report is not None and failed else "",
     )
 
 
@@ -222,31 +269,10 @@ def with_start_checked(picture: Picture) -> Picture:
     if contact is not None and clearance[0] > 0.0:
         kept = planning_margins(picture.scenario, checker.model).max()
         problem += f" with the planner's margin of {1e3 * kept:.1f} mm; {told}"
-    point = None if contact is None or not np.isfinite(contact.point).all() else contact.point
-    return replace(picture, message=f"start: not valid, {problem}", contact=point)
-
-
-def reference_shapes(scenario: Scenario, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns disk poses in the world frame by the Cosserat reference, NaN where it found none.
-
-    Args:
-        scenario: Robot, loads and base.
-        rows: Configurations, shape (n, dimension).
-
-    Returns:
-        Positions, shape (n, d, 3), m, and rotations, shape (n, d, 3, 3).
-    """
-    from tdcr_planner.shape.reference import ReferenceShape
-
-    actuation = ConfigurationSpace(scenario).actuate(rows)
-    poses = ReferenceShape(scenario.robot).disk_poses(
-        actuation.tensions, gravity=actuation.gravity, tip_force=actuation.tip_force
-    )
-    positions = transform_points(actuation.base_rotations, actuation.base_positions, poses.positions)
-    rotations = actuation.base_rotations[:, None] @ poses.rotations
-    positions[~poses.solved] = np.nan
-    rotations[~poses.solved] = np.nan
-    return positions, rotations
+    marks: tuple[Mark, ...] = ()
+    if contact is not None and np.isfinite(contact.point).all():
+        marks = (Mark("contact of the start", contact.point, part=contact.part),)
+    return replace(picture, message=f"start: not valid, {problem}", marks=marks)
 
 
 def load_display_meshes(scenario: Scenario) -> tuple[DisplayMesh, ...]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.arrays import FloatArray
+from tdcr_planner.report.drawing import Drawing
+from tdcr_planner.report.tendon_style import limit_labels, matplotlib_dash, tendon_colour, tension_limits
+from tdcr_planner.report.text import FONT_FAMILY, shorten
+from tdcr_planner.robot import RobotSpec
 
 # Okabe and Ito 2008, without its yellow, which is lost on white.
 PALETTE = {
@@ -29,6 +39,8 @@ INK = "#1F2933"
 MUTED = "#6B7785"
 GRID = "#E4E8ED"
 ROBOT = "#2176B5"
+SLEEVE = "#8FC1E3"
+SHAFT = "#8A929C"
 LEARNED = "#CC79A7"
 TRACE = "#D55E00"
 START = "#6B7785"
@@ -41,10 +53,15 @@ STATUS_COLOURS = {
     "invalid_start": "#C1272D",
     "invalid_goal": "#C1272D",
 }
-_TENDON_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#AA4499", "#E69F00", "#56B4E9", "#332288", "#882255")
+_LEGEND_FONTS = (9.0, 8.0, 7.0, 6.0, 5.0)
+# Labels of limits nearer to each other than this part of the axis stand side by side.
+_LABEL_ROOM = 0.07
 _STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
+    "font.sans-serif": [FONT_FAMILY],
+    # Titles and names come from files: a dollar sign is a dollar sign, whatever the user's own settings are.
+    "text.parse_math": False,
+    "text.usetex": False,
     "font.size": 10.0,
     "axes.edgecolor": "#AEB8C4",
     "axes.labelcolor": INK,
@@ -100,14 +117,38 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     figure.savefig(path, metadata=undated.get(suffix), facecolor="white")
 
 
-def tendon_colour(index: int) -> str:
-    """Returns the colour of a tendon, the same in every figure; colours repeat after eight tendons."""
-    return _TENDON_COLOURS[index % len(_TENDON_COLOURS)]
+def figure_drawings(figures: Mapping[str, Callable[[], Figure]]) -> dict[str, Drawing]:
+    """Returns what draws each figure as PNG and as PDF, by file name."""
+
+    def draw(make: Callable[[], Figure], file: Path) -> None:
+        with plot_style():
+            save_figure(make(), file)
+
+    return {f"{name}{ending}": partial(draw, make) for name, make in figures.items() for ending in (".png", ".pdf")}
 
 
-def tendon_dash(segment: int) -> str:
-    """Returns matplotlib's line style for the tendons of a segment, so that segments differ without colour too."""
-    return ("-", "--", "-.", ":")[segment % 4]
+def fit_text(text: Text, width_px: float) -> None:
+    """Takes the middle out of a text of a figure until it is no wider than so many pixels."""
+    whole = text.get_text()
+    low, high = 1, len(whole)
+    if _width(text) <= width_px:
+        return
+    while low < high:  # the longest that fits, by halving
+        middle = (low + high + 1) // 2
+        text.set_text(shorten(whole, middle))
+        low, high = (middle, high) if _width(text) <= width_px else (low, middle - 1)
+    text.set_text(shorten(whole, low))
+
+
+def _width(text: Text) -> float:
+    return float(text.get_window_extent().width)
+
+
+def plain_log_axis(axes: Axes, name: str) -> None:
+    """Gives a logarithmic axis, "x" or "y", ticks with plain numbers: matplotlib's own are formulas."""
+    axis = axes.xaxis if name == "x" else axes.yaxis
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}")))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def draw_clearance(axes: Axes, times: FloatArray, clearance: FloatArray, required: float) -> None:
@@ -138,6 +179,7 @@ def draw_clearance(axes: Axes, times: FloatArray, clearance: FloatArray, require
             linestyle="none",
             label=f"worst {millimetres[worst]:.2f} mm",
             zorder=4,
+            clip_on=False,
         )
         low, high = min(0.0, millimetres[worst]), max(limit, float(np.nanmax(millimetres)))
         pad = 0.08 * max(high - low, 1e-3)
@@ -147,45 +189,89 @@ def draw_clearance(axes: Axes, times: FloatArray, clearance: FloatArray, require
     _legend_above(axes)
 
 
-def draw_tensions(axes: Axes, times: FloatArray, tensions: FloatArray, segments: IntArray, limit: float) -> None:
-    """Draws each tendon's tension against time.
+def draw_tensions(axes: Axes, times: FloatArray, tensions: FloatArray, robot: RobotSpec) -> None:
+    """Draws each tendon's tension against time, every limit, and a legend with a row a segment above.
 
     Args:
-        axes: Where to draw.
+        axes: Where to draw; its upper part goes to the legend, as much as that needs.
         times: Shape (k,), s.
         tensions: Shape (k, t), N.
-        segments: Segment at whose end each tendon ends, shape (t,).
-        limit: Largest tension of any tendon, N; drawn where the tensions come near it.
+        robot: The robot, for its segments and limits.
     """
     for index in range(tensions.shape[1]):
-        segment = int(segments[index])
-        axes.plot(
-            times,
-            tensions[:, index],
-            color=tendon_colour(index),
-            linestyle=tendon_dash(segment),
-            label=f"{index + 1}",
-        )
-    top = float(tensions.max()) if tensions.size else limit
-    if top > 0.6 * limit:
-        axes.axhline(limit, color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)), zorder=1)
+        style = matplotlib_dash(int(robot.tendon_segments[index]))
+        axes.plot(times, tensions[:, index], color=tendon_colour(index), linestyle=style)
+    limits = tension_limits(robot)
+    top = 1.1 * max(limits[-1].newton, float(tensions.max(initial=0.0)))
+    for limit in limits:
+        axes.axhline(limit.newton, color=MUTED, linewidth=1.0, linestyle=(0, (5, 3)), zorder=1)
+    for height, label in limit_labels(robot, _LABEL_ROOM * top):
         axes.annotate(
-            "limit",
-            (1.0, limit),
+            label,
+            (1.0, height),
             xycoords=("axes fraction", "data"),
             xytext=(-2, 2),
             textcoords="offset points",
             ha="right",
             va="bottom",
             color=MUTED,
-            fontsize=8.0,
+            fontsize=7.5,
+            bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7},
+            zorder=5,
         )
-        top = limit
-    axes.set_ylim(0.0, 1.08 * max(top, 1e-3))
-    axes.set_title("Tendon tensions", pad=26.0)
+    axes.set_ylim(0.0, top)
     axes.set_ylabel("N")
     axes.set_xlabel("time (s)")
-    _legend_above(axes)
+    _legend_of_tendons(axes, robot)
+
+
+def _legend_of_tendons(axes: Axes, robot: RobotSpec) -> None:
+    """Puts a legend above the plot, in the largest font that fits, and lowers the top of the plot by its height."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None  # axes are made by a figure
+    box = axes.get_position()
+    room, tallest = axes.bbox.width, 0.45 * axes.bbox.height
+    for size, beside in itertools.product(_LEGEND_FONTS, range(min(robot.segment_count, 6), 0, -1)):
+        legend = _tendon_legend(axes, robot, size, beside)
+        extent = legend.get_window_extent()
+        if extent.width <= room and extent.height <= tallest:
+            break
+    lost = extent.height / figure.bbox.height
+    axes.set_position((box.x0, box.y0, box.width, box.height - lost))
+    axes.set_title("Tendon tensions", pad=72.0 * extent.height / figure.dpi + 6.0)
+
+
+def _tendon_legend(axes: Axes, robot: RobotSpec, size: float, beside: int) -> Legend:
+    """Makes the legend in a font size: so many segments in a row, each after its name."""
+    cells: list[list[Line2D]] = []
+    for segment in range(robot.segment_count):
+        tendons = np.flatnonzero(robot.tendon_segments == segment).tolist()
+        head = Line2D([], [], linestyle="none", label=f"segment {segment + 1}")
+        style = matplotlib_dash(segment)
+        lines = [Line2D([], [], color=tendon_colour(i), linestyle=style, label=f"{i + 1}") for i in tendons]
+        cells.append([head, *lines])
+    widest = max(len(row) for row in cells)
+    blank = Line2D([], [], linestyle="none", label=" ")
+    rows = [
+        [line for row in cells[start : start + beside] for line in [*row, *[blank] * (widest - len(row))]]
+        for start in range(0, len(cells), beside)
+    ]
+    columns = len(rows[0])
+    rows[-1] += [blank] * (columns - len(rows[-1]))
+    # matplotlib fills a legend column by column
+    handles = [rows[row][column] for column in range(columns) for row in range(len(rows))]
+    return axes.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(-0.02, 1.0),
+        ncols=columns,
+        fontsize=size,
+        columnspacing=0.8,
+        handlelength=3.0,
+        handletextpad=0.4,
+        labelspacing=0.25,
+        borderaxespad=0.0,
+    )
 
 
 def _legend_above(axes: Axes) -> None:

@@ -1,13 +1,15 @@
-"""The result folder: result.json, trajectory.csv, shapes.npz and the pictures, written together and read back."""
+"""The result folder: result.json, trajectory.csv and shapes.npz, written together and read back, then the pictures."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
+from collections.abc import Sequence
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator
@@ -30,6 +32,10 @@ from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.state_files import MOST_STATES, read_shapes, write_shapes, write_trajectory_csv
 from tdcr_planner.session import PlanResult, PlanStatus
 from tdcr_planner.verification import VerificationReport
+
+if TYPE_CHECKING:
+    from tdcr_planner.report.marks import Mark
+    from tdcr_planner.report.picture import Picture
 
 RESULT_FORMAT = "tdcr-result/1"
 RESULT_FILES = ("path.html", "path.png", "result.json", "shapes.npz", "trajectory.csv")
@@ -139,35 +145,74 @@ class _ResultFile(FileModel):
     shapes_sha256: str
 
 
-def write_result(result: PlanResult, folder: str | Path) -> Path:
-    """Writes a result as result.json, trajectory.csv, shapes.npz, path.png and path.html: all of them or none.
+def write_result(result: PlanResult, folder: str | Path, marks: Sequence[Mark] = ()) -> Path:
+    """Writes a result as result.json, trajectory.csv and shapes.npz, all of them or none, then draws its pictures.
 
     Args:
         result: The answer to a query; path and verification may be missing.
         folder: Where to write; made when missing. Files of an earlier result are replaced.
+        marks: What the pictures mark besides.
 
     Returns:
         The path of result.json.
 
     Raises:
+        FormatError: The folder cannot be written. A picture that cannot be drawn is a warning.
+    """
+    file = write_result_data(result, folder)
+    draw_result(result, folder, marks)
+    return file
+
+
+def write_result_data(result: PlanResult, folder: str | Path) -> Path:
+    """Writes result.json, trajectory.csv and shapes.npz, all of them or none; returns the path of result.json.
+
+    Pictures of an earlier result stay until `draw_result` replaces them.
+
+    Raises:
         FormatError: The folder cannot be written.
     """
-    from tdcr_planner.report.picture import gather_picture
-    from tdcr_planner.report.scene_html import write_html
-    from tdcr_planner.report.scene_png import write_png
-
     target = real_path(folder)
-    picture = gather_picture(result)
     with write_folder_whole(target) as staging:
         write_shapes(result, staging / "shapes.npz")
         write_trajectory_csv(result, staging / "trajectory.csv")
-        write_png(picture, staging / "path.png")
-        write_html(picture, staging / "path.html")
         content = result_content(result, target)
         content["shapes_sha256"] = sha256_of_file(staging / "shapes.npz")
         text = json.dumps(content, indent=1, allow_nan=False)
         (staging / "result.json").write_text(text + "\n", encoding="utf-8")
     return target / "result.json"
+
+
+def draw_result(result: PlanResult, folder: str | Path, marks: Sequence[Mark] = ()) -> list[str]:
+    """Draws path.png and path.html into a result's folder and returns the names of those that were drawn.
+
+    A picture that cannot be drawn is a warning that names it; earlier ones of these names go in any case.
+
+    Args:
+        result: The answer to a query.
+        folder: The folder that `write_result_data` wrote.
+        marks: What the pictures mark besides what the result itself carries.
+    """
+    from tdcr_planner.report.drawing import draw_pictures
+
+    @cache
+    def picture() -> Picture:
+        from tdcr_planner.report.picture import gather_picture
+
+        return gather_picture(result, marks)
+
+    # what draws is loaded by the drawings: where it cannot be, the result stands
+    def draw_png(file: Path) -> None:
+        from tdcr_planner.report.scene_png import write_png
+
+        write_png(picture(), file)
+
+    def draw_html(file: Path) -> None:
+        from tdcr_planner.report.scene_html import write_html
+
+        write_html(picture(), file)
+
+    return draw_pictures(folder, {"path.png": draw_png, "path.html": draw_html})
 
 
 def result_content(result: PlanResult, folder: Path) -> dict[str, Any]:

@@ -89,32 +89,6 @@ def _cylinders(
     return vertices.reshape(-1, 3), faces.reshape(-1, 3)
 
 
-def part_mesh(robot: RobotSpec, positions: FloatArray, rotations: FloatArray, part: str, room: float) -> Mesh | None:
-    """Returns one part of the body, a little larger than it is so that it covers what is drawn of it.
-
-    Args:
-        robot: The robot.
-        positions: Shape (d, 3), m.
-        rotations: Shape (d, 3, 3).
-        part: "disk 7" or "gap 3" (what lies between disks 2 and 3), as contacts name them.
-        room: How much larger, m.
-
-    Returns:
-        The disk, or backbone and tendons of the gap; None for the shaft, which is not drawn.
-    """
-    kind, _, number = part.partition(" ")
-    if kind == "disk":
-        one = slice(int(number), int(number) + 1)
-        thicknesses = robot.disk_thicknesses[one] + 2.0 * room
-        return _cylinders(positions[one], rotations[one], robot.disk_radii[one] + room, thicknesses, 24)
-    if kind == "gap":
-        ends = slice(int(number) - 1, int(number) + 1)
-        lines = [tendon[ends] for tendon in tendon_lines(robot, positions, rotations) if len(tendon) > int(number)]
-        tubes = [tube_mesh(line, robot.body.tendon_radius_m + 3.0 * room, sides=6) for line in lines]
-        return merge_meshes([tube_mesh(positions[ends], robot.backbone.radius_m + 2.0 * room), *tubes])
-    return None
-
-
 def tube_mesh(line: FloatArray, radius: float, sides: int = 8) -> Mesh:
     """Returns a tube of constant radius along a line, closed at both ends.
 

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.files import write_folder_whole
 from tdcr_planner.rates import quantiles
+from tdcr_planner.report.drawing import draw_pictures
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.plots import ALERT, INK, MUTED, PALETTE, new_figure, plot_style, save_figure
 from tdcr_planner.robustness import Robustness, Spread
@@ -28,7 +29,7 @@ TOLERANCE_NAMES = {
 
 
 def write_robustness(result: PlanResult, found: Robustness, folder: str | Path) -> Path:
-    """Writes robustness.json and robustness.png, both or none.
+    """Writes robustness.json, then draws robustness.png.
 
     Args:
         result: The result whose path was assessed.
@@ -39,13 +40,28 @@ def write_robustness(result: PlanResult, found: Robustness, folder: str | Path) 
         The path of robustness.json.
 
     Raises:
+        FormatError: The folder cannot be written. A picture that cannot be drawn is a warning.
+    """
+    file = write_robustness_data(result, found, folder)
+    draw_robustness(found, folder)
+    return file
+
+
+def write_robustness_data(result: PlanResult, found: Robustness, folder: str | Path) -> Path:
+    """Writes robustness.json and returns its path.
+
+    Raises:
         FormatError: The folder cannot be written.
     """
     with write_folder_whole(folder, last="robustness.json") as staging:
-        _plot(found, staging / "robustness.png")
         text = json.dumps(plain_json(robustness_content(result, found)), indent=1, allow_nan=False)
         (staging / "robustness.json").write_text(text + "\n", encoding="utf-8")
     return Path(folder) / "robustness.json"
+
+
+def draw_robustness(found: Robustness, folder: str | Path) -> list[str]:
+    """Draws robustness.png and returns the names of what was drawn; a picture that cannot be drawn is a warning."""
+    return draw_pictures(folder, {"robustness.png": lambda file: _plot(found, file)})
 
 
 def robustness_content(result: PlanResult, found: Robustness) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html
 import json
 from pathlib import Path
 from string import Template
@@ -15,9 +14,12 @@ from tdcr_planner.arrays import IntArray
 from tdcr_planner.report import plots
 from tdcr_planner.report.picture import Picture
 from tdcr_planner.report.scene_figure import FONT, build_figure
+from tdcr_planner.report.scene_guides import AXIS_COLOURS, GRAVITY_COLOUR, gravity_direction, gravity_label
 from tdcr_planner.report.scene_png import summary_line
+from tdcr_planner.report.text import page_text
 
 MAX_FRAMES = 64
+_MESSAGE_LETTERS = 1200
 
 
 def write_html(picture: Picture, file: str | Path) -> None:
@@ -33,17 +35,18 @@ def render_html(picture: Picture) -> str:
     figure = build_figure(picture, shown) | {
         "config": {
             "displaylogo": False,
+            "typesetMath": False,
             "scrollZoom": True,
             "modeBarButtonsToRemove": ["select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
         }
     }
     template = Template(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
     return template.substitute(
-        title=html.escape(picture.title),
-        status=html.escape(picture.status.replace("_", " ")),
+        title=page_text(picture.title),
+        status=page_text(picture.status.replace("_", " ")),
         status_colour=plots.STATUS_COLOURS.get(picture.status, plots.MUTED),
-        summary=html.escape(summary_line(picture)),
-        message=html.escape(picture.message),
+        summary=page_text(summary_line(picture), _MESSAGE_LETTERS),
+        message=page_text(picture.message, _MESSAGE_LETTERS),
         font=FONT,
         ink=plots.INK,
         muted=plots.MUTED,
@@ -52,8 +55,21 @@ def render_html(picture: Picture) -> str:
         plotly=get_plotlyjs(),
         figure=_script_json(figure),
         states=_script_json(_readouts(picture, shown)),
+        compass=_script_json(_compass(picture)),
         controls="" if picture.has_path and len(shown) > 1 else "hidden",
     )
+
+
+def _compass(picture: Picture) -> list[dict[str, Any]]:
+    """The arrows of the page's compass, which turns with the scene: the world's axes and gravity."""
+    arrows = [
+        {"name": name, "colour": colour, "arm": np.eye(3)[index].tolist()}
+        for index, (name, colour) in enumerate(AXIS_COLOURS.items())
+    ]
+    direction = gravity_direction(picture)
+    if direction is not None:
+        arrows.append({"name": gravity_label(picture), "colour": GRAVITY_COLOUR, "arm": (1.2 * direction).tolist()})
+    return arrows
 
 
 def _readouts(picture: Picture, shown: IntArray) -> list[dict[str, Any]]:

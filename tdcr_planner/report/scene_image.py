@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.report import plots, raster
+from tdcr_planner.report.body_mesh import part_mesh, shaft_mesh, sleeve_mesh
 from tdcr_planner.report.picture import Picture
 from tdcr_planner.report.raster import Camera, Image, Layer
 from tdcr_planner.report.robot_mesh import (
@@ -20,12 +21,16 @@ from tdcr_planner.report.robot_mesh import (
     tendon_lines,
     tube_mesh,
 )
+from tdcr_planner.report.tendon_style import tendon_colour
 
 SHOWN_STATES = 6
 _SUPERSAMPLING = 2
 _WALL_COLOURS = {"cavity": "#C3D0DC", "obstacle": "#C9BFB4"}
 _FAR_COVER = {"cavity": 0.9, "obstacle": 0.35}
 _INNER_COVER = 0.4
+# The sleeve is glass: the disks and tendons in it are seen.
+_SLEEVE_COVER = 0.38
+_MARK_COVER = 0.5
 # Cover of the near walls where they face the viewer, and how much it grows where they turn away.
 _GLASS = {"cavity": (0.04, 0.55), "obstacle": (0.40, 0.45)}
 
@@ -59,11 +64,15 @@ class SceneRenderer:
         ]
         if robots:
             canvas.paint_shadow(robots[-1][0])
-        for (mesh, colours), fade in zip(robots, fades, strict=True):
-            canvas.paint_body(mesh, colours, float(fade), picture.robot.disk_radii.max())
+        step = float(picture.robot.disk_radii.max())
+        for (mesh, colours), state, fade in zip(robots, states, fades, strict=True):
+            canvas.paint_body(mesh, colours, float(fade), step)
+            sleeve = sleeve_mesh(picture.body, picture.positions[state], picture.rotations[state], sides=40)
+            canvas.paint_body(sleeve, _of_one_colour(sleeve, plots.SLEEVE), _SLEEVE_COVER * float(fade), step)
+        for mesh in _marked_meshes(picture, canvas.camera):
+            canvas.paint_body(mesh, _of_one_colour(mesh, plots.ALERT), _MARK_COVER, step)
         if self._trace is not None:
-            colour = np.array(to_rgb(plots.TRACE), dtype=np.float32)
-            canvas.paint_body(self._trace, np.tile(colour, (len(self._trace[1]), 1)), 0.9, np.inf)
+            canvas.paint_body(self._trace, _of_one_colour(self._trace, plots.TRACE), 0.9, np.inf)
         return _fade_border(raster.shrink(canvas.image, _SUPERSAMPLING))
 
 
@@ -184,11 +193,36 @@ def _robot_mesh(picture: Picture, state: int, camera: Camera, fade: float) -> tu
     colours = [plots.ROBOT, plots.INK]
     for tendon, points in enumerate(tendon_lines(robot, positions, rotations)):
         meshes.append(tube_mesh(points, max(robot.body.tendon_radius_m, 1.4 * pixel), sides=6))
-        colours.append(plots.tendon_colour(tendon))
+        colours.append(tendon_colour(tendon))
+    meshes.append(shaft_mesh(picture.body, positions, rotations, sides=40))
+    colours.append(plots.SHAFT)
     pale = 0.0 if fade >= 1.0 else 0.25
     shades = [np.array(to_rgb(colour)) * (1.0 - pale) + pale for colour in colours]
     each = [np.tile(shade, (len(faces), 1)) for shade, (_, faces) in zip(shades, meshes, strict=True)]
     return merge_meshes(meshes), np.concatenate(each).astype(np.float32)
+
+
+def _of_one_colour(mesh: Mesh, colour: str) -> Image:
+    return np.tile(np.array(to_rgb(colour), dtype=np.float32), (len(mesh[1]), 1))
+
+
+def _marked_meshes(picture: Picture, camera: Camera) -> list[Mesh]:
+    """What is marked of bodies: configurations as their disks, and the parts that are named, in one mesh each."""
+    robot, pixel, meshes = picture.robot, 1.0 / camera.scale, []
+    for mark in picture.marks:
+        positions, rotations = mark.positions, mark.rotations
+        if positions is not None and rotations is not None:
+            line = backbone_curve(positions, rotations, robot.arc_lengths)
+            backbone = tube_mesh(line, max(robot.backbone.radius_m, 2.0 * pixel))
+            meshes.append(merge_meshes([disk_mesh(robot, positions, rotations, sides=40), backbone]))
+        elif not picture.has_path and picture.known.all():
+            positions, rotations = picture.positions[0], picture.rotations[0]
+        if positions is None or rotations is None or not mark.part:
+            continue
+        room = 0.06 * float(robot.disk_radii.max())
+        parts = [part_mesh(picture.body, positions, rotations, name, room) for name in mark.part.split(" and ")]
+        meshes += [part for part in parts if part is not None]
+    return meshes
 
 
 def _trace_mesh(picture: Picture, camera: Camera) -> Mesh | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Sequence
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,29 +12,30 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from tdcr_planner.report import plots
+from tdcr_planner.report.drawing import Drawing
 from tdcr_planner.report.tables import Row
+from tdcr_planner.report.text import figure_text
 from tdcr_planner.sweep.suite import Suite
 from tdcr_planner.sweep.table import group_rows
 
 _COLOURS = tuple(plots.PALETTE[name] for name in ("blue", "vermilion", "green", "purple", "orange", "sky"))
 _DASHES = ("-", "--", "-.", ":")
 _DPI = 120
+_NAME_LETTERS, _TITLE_LETTERS = 36, 60
 _BAR_PX, _TITLE_PX, _FOOT_PX = 15, 50, 110
 
 
-def write_sweep_plots(suite: Suite, rows: Sequence[Row], folder: Path) -> None:
-    """Writes success, time and length plots as PNG and PDF into an existing folder.
+def sweep_drawings(suite: Suite, rows: Sequence[Row]) -> dict[str, Drawing]:
+    """Returns what draws success, time and length plots, as PNG and PDF.
 
     Args:
         suite: The suite.
-        rows: From `table.joined_rows`, one or more.
-        folder: Where to write.
+        rows: From `table.joined_rows`; nothing is drawn of none.
     """
-    with plots.plot_style():
-        for name, draw in (("success", draw_success), ("times", draw_times), ("spread", draw_spread)):
-            figure = draw(suite, rows)
-            for suffix in (".png", ".pdf"):
-                plots.save_figure(figure, folder / f"{name}{suffix}")
+    if not rows:
+        return {}
+    figures = {"success": draw_success, "times": draw_times, "spread": draw_spread}
+    return plots.figure_drawings({name: partial(draw, suite, rows) for name, draw in figures.items()})
 
 
 def draw_success(suite: Suite, rows: Sequence[Row]) -> Figure:
@@ -45,7 +46,7 @@ def draw_success(suite: Suite, rows: Sequence[Row]) -> Figure:
     heights = [len(group) * bars * _BAR_PX for group in (levels, names)]
     figure = plots.new_figure(1000, sum(heights) + 2 * _TITLE_PX + _FOOT_PX, _DPI)
     upper, lower = figure.subplots(2, 1, height_ratios=heights, sharex=True)
-    _draw_rates(upper, rows, "difficulty", levels, levels)
+    _draw_rates(upper, rows, "difficulty", levels, [figure_text(level, _NAME_LETTERS) for level in levels])
     _draw_rates(lower, rows, "scenario", names, _short_names(names))
     upper.set_title("Verified paths by difficulty")
     lower.set_title("By scenario")
@@ -92,7 +93,7 @@ def _short_names(names: Sequence[str]) -> list[str]:
     folders = [posixpath.dirname(name) for name in names]
     mixed = len({folder.startswith("/") for folder in folders}) > 1
     shared = "" if mixed else posixpath.commonpath(folders)
-    return [name.removeprefix(shared).lstrip("/").removesuffix(".toml") for name in names]
+    return [figure_text(name.removeprefix(shared).lstrip("/").removesuffix(".toml"), _NAME_LETTERS) for name in names]
 
 
 def draw_times(suite: Suite, rows: Sequence[Row]) -> Figure:
@@ -121,7 +122,7 @@ def draw_times(suite: Suite, rows: Sequence[Row]) -> Figure:
     axes.set_ylim(0.0, 102.0)
     axes.set_xlabel("time for search, verification and repair (s)")
     axes.set_ylabel("queries with a verified path (%)")
-    axes.set_title(f"{suite.title}: verified within a time")
+    axes.set_title(f"{figure_text(suite.title, _TITLE_LETTERS)}: verified within a time")
     axes.legend(loc="lower right")
     figure.tight_layout()
     return figure
@@ -152,7 +153,7 @@ def draw_spread(suite: Suite, rows: Sequence[Row]) -> Figure:
         axes.set_yticks(range(len(variants)), [_label(variant) for variant in variants])
         axes.set_ylim(len(variants) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
-    figure.axes[0].set_title(f"{suite.title}: verified paths")
+    figure.axes[0].set_title(f"{figure_text(suite.title, _TITLE_LETTERS)}: verified paths")
     figure.tight_layout()
     return figure
 
@@ -166,4 +167,4 @@ def _variants(rows: Sequence[Row]) -> list[tuple[str, str]]:
 
 
 def _label(variant: tuple[str, str]) -> str:
-    return f"{variant[0]}, {variant[1].replace('_', ' ')}"
+    return figure_text(f"{variant[0]}, {variant[1].replace('_', ' ')}", _NAME_LETTERS)

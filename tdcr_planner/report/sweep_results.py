@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from tdcr_planner.files import sha256_of_file, write_folder_whole
+from tdcr_planner.report.drawing import draw_pictures
 from tdcr_planner.report.ompl_log import write_ompl_logs
-from tdcr_planner.report.sweep_plots import write_sweep_plots
+from tdcr_planner.report.sweep_plots import sweep_drawings
 from tdcr_planner.report.tables import Row, format_markdown, write_csv, write_parquet
+from tdcr_planner.report.text import markdown_text
 from tdcr_planner.session import PlanStatus, library_versions
 from tdcr_planner.sweep.job import FAILED
 from tdcr_planner.sweep.runner import SweepOutcome
@@ -35,11 +37,7 @@ ENDINGS = {
 
 
 def write_sweep(outcome: SweepOutcome, folder: str | Path) -> Path:
-    """Writes the report of a sweep beside its journal: all of its files or none.
-
-    results.csv (what the seeds decide, the same whichever workers ran it), timings.csv, results.parquet with the
-    columns of both where pyarrow is installed, summary.json, summary.md, plots as PNG and PDF, and a benchmark log a
-    scenario, named ompl_<scenario>.log.
+    """Writes the report of a sweep beside its journal, all of its files or none, then draws its plots.
 
     Args:
         outcome: What has finished.
@@ -47,6 +45,21 @@ def write_sweep(outcome: SweepOutcome, folder: str | Path) -> Path:
 
     Returns:
         The path of summary.json.
+
+    Raises:
+        FormatError: The folder cannot be written. A plot that cannot be drawn is a warning.
+    """
+    file = write_sweep_data(outcome, folder)
+    draw_sweep(outcome, folder)
+    return file
+
+
+def write_sweep_data(outcome: SweepOutcome, folder: str | Path) -> Path:
+    """Writes the numbers of a sweep, all files or none; returns the path of summary.json.
+
+    results.csv (what the seeds decide, the same whichever workers ran it), timings.csv, results.parquet with the
+    columns of both where pyarrow is installed, summary.json, summary.md, and a benchmark log a scenario, named
+    ompl_<scenario>.log.
 
     Raises:
         FormatError: The folder cannot be written.
@@ -58,14 +71,20 @@ def write_sweep(outcome: SweepOutcome, folder: str | Path) -> Path:
         write_csv(timing_rows(outcome), TIMING_COLUMNS, staging / "timings.csv")
         write_parquet(rows, columns, staging / "results.parquet")
         write_ompl_logs(outcome.suite, rows, staging)
-        if rows:
-            write_sweep_plots(outcome.suite, rows, staging)
         (staging / "summary.md").write_text(format_summary(outcome, rows), encoding="utf-8")
         content = summary_content(outcome, rows)
         content["results_sha256"] = sha256_of_file(staging / "results.csv")
         text = json.dumps(content, indent=1, allow_nan=False)
         (staging / "summary.json").write_text(text + "\n", encoding="utf-8")
     return Path(folder) / "summary.json"
+
+
+def draw_sweep(outcome: SweepOutcome, folder: str | Path) -> list[str]:
+    """Draws the plots of a sweep as PNG and PDF and returns the names of those that were drawn.
+
+    A plot that cannot be drawn is a warning that names it.
+    """
+    return draw_pictures(folder, sweep_drawings(outcome.suite, joined_rows(outcome)))
 
 
 def summary_content(outcome: SweepOutcome, rows: Sequence[Row]) -> dict[str, Any]:
@@ -95,11 +114,11 @@ def format_summary(outcome: SweepOutcome, rows: Sequence[Row]) -> str:
     """Returns the summary as Markdown: a table by planner and model, by difficulty, and by scenario."""
     suite = outcome.suite
     state = "" if outcome.complete else f" (incomplete: {outcome.interrupted or 'jobs are left'})"
-    parts = [f"# {suite.title}\n\n{len(outcome.records)} of {len(suite.jobs)} jobs{state}\n"]
+    parts = [f"# {markdown_text(suite.title)}\n\n{len(outcome.records)} of {len(suite.jobs)} jobs{state}\n"]
     for by in reversed(GROUPINGS):
         header = [*by, "jobs", "verified", "95 % interval", *ENDINGS, "plan s", "p90", "tip travel mm"]
         body = [
-            [*(str(group[name]) for name in by), *_summary_cells(group)]
+            [*(markdown_text(str(group[name])) for name in by), *_summary_cells(group)]
             for group in _ordered(suite, group_rows(rows, by))
         ]
         parts.append(format_markdown(header, body))

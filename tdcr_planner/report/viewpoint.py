@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
@@ -16,6 +18,8 @@ _AZIMUTHS = 24
 _OFF_AXIS_DEG = 15.0
 # So many of the best views are compared by how much of the robot obstacles hide.
 _LOOKED_THROUGH = 24
+# Part of a view's width that a corner takes.
+_CORNER = 0.18
 # A scene of up to this many times the robot's reach is shown whole.
 _WHOLE_SCENE = 1.6
 
@@ -92,9 +96,34 @@ def up_direction(picture: Picture) -> FloatArray:
 
 
 def body_points(picture: Picture) -> FloatArray:
-    """Returns the disk centres of all states and the goals, shape (m, 3), m, world frame; the base without states."""
+    """Returns disk centres of all states, goals and marks, shape (m, 3), m, world frame; the base without states."""
     parts = [picture.positions[picture.known].reshape(-1, 3), *(goal.position[None] for goal in picture.goals)]
+    for mark in picture.marks:
+        parts += [] if mark.point is None else [mark.point[None]]
+        parts += [] if mark.positions is None else [mark.positions]
     return np.concatenate(parts if picture.known.any() else [*parts, picture.scenario.base_position[None]])
+
+
+def free_corner(picture: Picture, camera: Camera, corners: Sequence[str]) -> tuple[str, str]:
+    """Returns the corner of a view that robot and scene leave most free, as ("left" or "right", "top" or "bottom").
+
+    Args:
+        picture: What is shown.
+        camera: How it is seen.
+        corners: Of "lower left", "lower right", "upper left" and "upper right", the first preferred.
+    """
+    body = body_points(picture)
+    place = camera.project(points_to_fit(picture, body))[:, :2] / [camera.width, camera.height]
+    low = min(
+        corners,
+        key=lambda corner: int(
+            (
+                (np.abs(place[:, 0] - (1.0 if "right" in corner else 0.0)) < _CORNER)
+                & (np.abs(place[:, 1] - (1.0 if "lower" in corner else 0.0)) < 1.5 * _CORNER)
+            ).sum()
+        ),
+    )
+    return ("right" if "right" in low else "left"), ("bottom" if "lower" in low else "top")
 
 
 def look_from(azimuth_deg: float, elevation_deg: float, up: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ import pytest
 
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import sha256_of_file
-from tdcr_planner.report import scene_html, state_files
+from tdcr_planner.report import scene_html, scene_png, state_files
 from tdcr_planner.report.results import RESULT_FILES, read_result, write_result
 from tdcr_planner.session import PlanStatus
 
@@ -119,15 +119,44 @@ def test_csv_has_units_and_the_values(make_result, tmp_path, quick_pictures):
     np.testing.assert_array_equal(table[:, 0], result.path.times)
 
 
-def test_a_failing_picture_leaves_the_earlier_result(written, make_result, monkeypatch):
+def test_a_failing_picture_costs_neither_the_result_nor_the_other_picture(written, make_result, monkeypatch, caplog):
     _, file = written
-    before = {item.name: item.read_bytes() for item in file.parent.iterdir()}
 
     def fail(picture, target):
         target.write_text("half")
+        raise ValueError("no such colour")
+
+    monkeypatch.setattr(scene_png, "write_png", fail)
+    write_result(make_result(found=False), file.parent)
+    assert read_result(file).status is PlanStatus.NO_PATH
+    # the earlier result's picture does not stay beside this one
+    assert sorted(item.name for item in file.parent.iterdir()) == sorted({*RESULT_FILES} - {"path.png"})
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{file.parent / 'path.png'} is not drawn: ValueError: no such colour"
+    ]
+
+
+def test_an_interrupted_drawing_leaves_the_result(written, make_result, monkeypatch):
+    _, file = written
+
+    def stop(picture, target):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(scene_html, "write_html", fail)
+    monkeypatch.setattr(scene_html, "write_html", stop)
+    with pytest.raises(KeyboardInterrupt):
+        write_result(make_result(found=False), file.parent)
+    assert read_result(file).status is PlanStatus.NO_PATH
+    assert sorted(item.name for item in file.parent.iterdir()) == sorted({*RESULT_FILES} - {"path.html"})
+
+
+def test_a_result_that_cannot_be_written_draws_nothing(written, make_result, monkeypatch):
+    _, file = written
+    before = {item.name: item.read_bytes() for item in file.parent.iterdir()}
+
+    def stop(result, target):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tdcr_planner.report.results.write_shapes", stop)
     with pytest.raises(KeyboardInterrupt):
         write_result(make_result(found=False), file.parent)
     assert {item.name: item.read_bytes() for item in file.parent.iterdir()} == before

@@ -14,9 +14,11 @@ import pytest
 import trimesh
 from plotly import graph_objects
 
+from tdcr_planner.report.marks import Mark
 from tdcr_planner.report.picture import DisplayMesh, gather_picture, gather_scenario_picture
 from tdcr_planner.report.scene_figure import build_figure
 from tdcr_planner.report.scene_html import MAX_FRAMES, render_html, write_html
+from tdcr_planner.report.text import SHORT, plain_text, plotly_text
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = (
@@ -67,7 +69,7 @@ def test_page_is_one_file_that_names_no_other(picture, tmp_path):
 
 def test_titles_and_messages_cannot_break_the_page(picture):
     text = render_html(picture)
-    assert "<h1>Pipe &amp; &lt;ball&gt;</h1>" in text
+    assert '<h1 dir="auto">Pipe &amp; &lt;ball&gt;</h1>' in text
     assert "reached &lt;/script&gt; the goal" in text
 
 
@@ -251,6 +253,128 @@ def test_page_opens_fits_a_laptop_plays_and_seeks_without_a_fault(picture, visit
     assert "worst state" in sought
     assert tip == pytest.approx(1e3 * picture.positions[5, -1, 2], abs=1e-4)
     assert worst == "5"
+
+
+AWKWARD = "a_$REV_$DATE <b>&lt;</b> %{x} \u202e\udcff שלום 😀 " + 30 * "long "
+
+
+@pytest.mark.browser
+def test_names_from_files_are_shown_as_they_are(picture, visit):
+    meshes = tuple(replace(mesh, name=AWKWARD) for mesh in picture.meshes)
+    marks = (Mark(AWKWARD, np.array([0.0, 0.0, 0.05])),)
+    awkward = replace(picture, title=AWKWARD, message=AWKWARD, meshes=meshes, marks=marks, status="no_path")
+    report = visit(
+        render_html(awkward),
+        "document.querySelector('#plot .gl-container canvas') && document.querySelector('h1').textContent",
+        "Array.from(document.querySelectorAll('#legend button span')).map(e => e.textContent)",
+        "document.querySelectorAll('header b, #legend button b').length + 1",
+        "document.getElementById('plot')._fullData.filter(t => t.type === 'mesh3d').map(t => t.name)",
+        "document.documentElement.scrollWidth - innerWidth <= 0",
+    )
+    assert report["faults"] == []
+    title, legend, tags, names, fits = report["answers"]
+    assert title == plain_text(AWKWARD)
+    assert legend[0] == f"{plain_text(AWKWARD, SHORT)} (cavity)"
+    assert plain_text(AWKWARD, SHORT) in legend
+    assert tags == 1
+    assert names[0] == f"{plotly_text(AWKWARD)} (cavity)"
+    assert fits
+
+
+def many_tendons(picture):
+    """The same picture with three segments of four tendons, a sleeve and a shaft."""
+    robot = picture.robot
+    segment = robot.segments[0].model_copy(
+        update={"tendon_angles_deg": (0.0, 90.0, 180.0, 270.0), "length_m": robot.length / 3, "disks": 4}
+    )
+    segments = tuple(segment.model_copy(update={"max_tension_n": limit}) for limit in (9.0, 6.0, 3.0))
+    body = robot.body.model_copy(update={"between_disks": "sleeve"})
+    robot = robot.model_copy(update={"segments": segments, "body": body})
+    file = picture.scenario.file
+    base = file.base.model_copy(update={"shaft_radius_m": 0.003})
+    file = file.model_copy(update={"base": base})
+    scenario = replace(picture.scenario, robot=robot, file=file)
+    states, disks = len(picture.times), robot.disk_count
+    return replace(
+        picture,
+        scenario=scenario,
+        tensions=np.linspace(0.0, 3.0, states)[:, None] * np.linspace(0.1, 1.0, 12),
+        positions=picture.positions[:, :disks],
+        rotations=picture.rotations[:, :disks],
+        model_positions=None,
+    )
+
+
+def test_sleeve_shaft_and_every_limit_are_drawn(picture):
+    full = many_tendons(picture)
+    figure = build_figure(full, full.frame_states(MAX_FRAMES))
+    names = [trace.get("name") for trace in figure["data"]]
+    assert {"sleeve (tested)", "shaft (tested)"} <= set(names)
+    limits = [trace["y"][0] for trace in figure["data"] if "limit" in trace.get("hovertemplate", "")]
+    assert limits == [3.0, 6.0, 9.0]
+    assert figure["layout"]["yaxis2"]["range"][1] > 9.0
+    # each frame moves them
+    place = names.index("sleeve (tested)")
+    for frame in figure["frames"]:
+        moved = frame["data"][frame["traces"].index(place)]
+        assert len(moved["x"]) == len(figure["data"][place]["x"])
+    assert len(graph_objects.Figure(figure).data) == len(figure["data"])
+
+
+@pytest.mark.browser
+def test_legend_is_not_cut_and_axes_do_not_overlap_at_any_width(picture, visit):
+    boxes = (
+        "(function () { const box = s => Array.from(document.querySelectorAll(s)).map(e => e.getBoundingClientRect());"
+        " const legend = box('#legend button'), plot = box('#plot')[0], page = document.body.getBoundingClientRect();"
+        " const areas = document.getElementById('plot')._fullLayout, size = areas._size, axis = a => areas[a].domain;"
+        " const scene = areas.scene.domain;"
+        " return {count: legend.length, right: Math.max(...legend.map(b => b.right)) - page.right,"
+        " x: axis('xaxis'), y: axis('yaxis'), x2: axis('xaxis2'), y2: axis('yaxis2'), scene: [scene.x, scene.y],"
+        " width: plot.width, captions: box('.annotation').map(b => [b.left, b.top, b.right, b.bottom])}; })()"
+    )
+    report = visit(
+        render_html(many_tendons(picture)),
+        f"document.querySelector('#plot .gl-container canvas') && {boxes}",
+        "document.body.style.width = '1000px'",
+        f"document.querySelector('#plot .main-svg').clientWidth < 1000 && {boxes}",
+        "document.body.style.width = '640px'",
+        f"document.querySelector('#plot .main-svg').clientWidth < 640 && {boxes}",
+    )
+    assert report["faults"] == []
+    for found in report["answers"][::2]:
+        assert found["count"] >= 12 + 6
+        assert found["right"] <= 0.5
+        for place, (left, top, right, bottom) in enumerate(found["captions"]):
+            for other in found["captions"][place + 1 :]:
+                assert right <= other[0] or other[2] <= left or bottom <= other[1] + 1 or other[3] <= top + 1
+        areas = [(found["x"], found["y"]), (found["x2"], found["y2"]), tuple(found["scene"])]
+        for place, (across, along) in enumerate(areas):
+            for other_across, other_along in areas[place + 1 :]:
+                apart = across[1] <= other_across[0] or other_across[1] <= across[0]
+                assert apart or along[1] <= other_along[0] or other_along[1] <= along[0]
+
+
+@pytest.mark.browser
+def test_coordinates_under_the_mouse_are_on_the_surface(make_scenario, visit):
+    scenario = gather_scenario_picture(make_scenario("paper"))
+    ball = next(mesh for mesh in scenario.meshes if mesh.role == "obstacle")
+    alone = replace(scenario, meshes=(ball,))
+    # sweeps over the scene until something is under the mouse
+    sweep = (
+        "(function () { const canvas = document.querySelector('#plot .gl-container canvas');"
+        " const place = document.getElementById('place'); if (!canvas) { return null; }"
+        " if (!place.hidden && place.textContent.includes('ball.stl')) { return place.textContent; }"
+        " const box = canvas.getBoundingClientRect(); window.step = (window.step || 0) + 1;"
+        " const x = box.left + (window.step * 37 % 97) / 97 * box.width;"
+        " const y = box.top + (window.step * 11 % 89) / 89 * box.height;"
+        " canvas.dispatchEvent(new MouseEvent('mousemove', {clientX: x, clientY: y, bubbles: true, view: window}));"
+        " return null; })()"
+    )
+    report = visit(render_html(alone), sweep)
+    assert report["faults"] == []
+    x, y, z = (1e-3 * float(value) for value in re.findall(r"[xyz] (-?[\d.]+)", report["answers"][0]))
+    _, distance, _ = trimesh.proximity.closest_point(trimesh.Trimesh(ball.vertices, ball.faces), [[x, y, z]])
+    assert distance[0] < 1e-4  # told to 0.1 mm
 
 
 @pytest.mark.browser
