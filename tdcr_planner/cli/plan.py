@@ -42,25 +42,28 @@ def plan(
     """
     import time
 
-    from tdcr_planner.cli.progress import TimeBar, remark_if_slow
+    from tdcr_planner.cli.progress import CompileBar, TimeBar
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
-    from tdcr_planner.report.results import write_result
-    from tdcr_planner.session import PlanningSession, PlanStatus
 
     started = time.perf_counter()
     given = {"seed": seed, "name": planner, "validity": validity, "time_limit_s": time_limit_s}
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
     check_folder(out)
-    with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
+    # Seconds to import: what is wrong with the arguments is said before.
+    from tdcr_planner.session import PlanningSession, PlanStatus
+
+    with CompileBar(shown=progress):
         session = PlanningSession(query)
         session.use_roadmap(roadmap)
     loaded = time.perf_counter() - started
     with TimeBar("planning", session.scenario.planner.time_limit_s, shown=progress) as bar:
         result = session.plan(load_s=loaded, progress=bar.update)
+    print(describe(result), flush=True)
+    from tdcr_planner.report.results import write_result
+
     write_result(result, out)
-    print(describe(result))
     print(f"files:     {out}/result.json trajectory.csv path.png path.html shapes.npz")
     if result.path is None:
         print("           (no path: trajectory.csv and shapes.npz are empty)")

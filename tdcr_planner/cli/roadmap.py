@@ -37,7 +37,7 @@ def roadmap(
         seed: Seed of the sampling, in place of the scenario's.
         progress: Draw a progress bar while building.
     """
-    from tdcr_planner.cli.progress import TimeBar, remark_if_slow
+    from tdcr_planner.cli.progress import CompileBar, TimeBar
     from tdcr_planner.errors import InputError
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
@@ -53,7 +53,7 @@ def roadmap(
         raise InputError("--seed", "1 or more", seed)
     query = load_scenario(scenario)
     check_folder(out.parent)
-    with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
+    with CompileBar(shown=progress):
         builder = PlanningSession(query).roadmap_builder(seed=seed)
     interrupted = False
     with TimeBar("roadmap", seconds, shown=progress) as bar:

@@ -6,12 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.collision.body import place_solid
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.tree import TriangleTree, winding_number
+from tdcr_planner.compiled import njit
 
 
 class Side(NamedTuple):

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.collision.containment import Side, entry_depth, is_wrong
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.tree import nearest_triangle, triangle_square_distance
+from tdcr_planner.compiled import njit
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import write_file_whole
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.collision.body import across, part_ball, place_solid
 from tdcr_planner.collision.containment import deepest_point
@@ -13,6 +12,7 @@ from tdcr_planner.collision.distance import solid_distance
 from tdcr_planner.collision.field import bounds_at, front
 from tdcr_planner.collision.first_look import SPARE, look_at_parts
 from tdcr_planner.collision.self_contact import near_pairs
+from tdcr_planner.compiled import njit
 
 # CLEAR: touches no wall, but the field does not know its side.
 FREE, HIT, OPEN, CLEAR = 0, 1, 2, 3

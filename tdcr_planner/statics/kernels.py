@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.compiled import njit
 from tdcr_planner.statics.rod import RodArrays
 
 OPTIONS: dict[str, Any] = {
