@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import logging
 import math
-import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.cache_folder import cache_folder
 from tdcr_planner.collision.containment import Side, entry_depth, is_wrong
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.tree import nearest_triangle, triangle_square_distance
@@ -80,20 +80,14 @@ def build_field(mesh: SceneMesh, side: Side, cells: int = CELLS, *, keep: bool =
     return Field(values, shape, origin, spacing, lower, upper, rules, plane)
 
 
-def cache_folder() -> Path:
-    """Returns where fields are kept: TDCR_CACHE_DIR, or tdcr_planner in the user's cache folder."""
-    given = os.environ.get("TDCR_CACHE_DIR")
-    if given:
-        return Path(given)
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "tdcr_planner"
-
-
 def _load_or_fill(
     mesh: SceneMesh, side: Side, shape: IntArray, origin: FloatArray, spacing: float
 ) -> NDArray[np.float32]:
     grid = f"{FORMAT} {mesh.sha256} {shape.tolist()} {[*origin.tolist(), spacing]}"
-    file = cache_folder() / f"field-{hashlib.sha256(grid.encode()).hexdigest()}.bin"
+    folder = cache_folder()
+    if folder is None:
+        return _filled(mesh, side, shape, origin, spacing)
+    file = folder / f"field-{hashlib.sha256(grid.encode()).hexdigest()}.bin"
     count = int(np.prod(shape))
     stored = _read_stored(file, count)
     if stored is not None:

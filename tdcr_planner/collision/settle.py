@@ -131,7 +131,8 @@ def _settle_cylinder(field, centre, axis, half, radius):  # type: ignore[no-unty
             answer = OPEN
             continue
         wide, broad = 2.0 * r * turn, high - low
-        cells[top + 1] = cells[top]
+        for a in range(6):
+            cells[top + 1, a] = cells[top, a]
         if wide >= broad and wide >= 2.0 * tall:
             cells[top, 2], cells[top, 3] = angle - 0.5 * turn, 0.5 * turn
             cells[top + 1, 2], cells[top + 1, 3] = angle + 0.5 * turn, 0.5 * turn

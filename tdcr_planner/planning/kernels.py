@@ -89,7 +89,8 @@ def actuate(rows, tables):  # type: ignore[no-untyped-def]
     bending, insertion, roll = tables.columns
     base = tables.base_rotation
     for row in range(count):
-        tensions[row] = tables.pretension
+        for tendon in range(tensions.shape[1]):
+            tensions[row, tendon] = tables.pretension[tendon]
         for index in range(bending // 2):
             x, y = rows[row, 2 * index], rows[row, 2 * index + 1]
             best, best_pair, best_first, best_second = -np.inf, 0, 0.0, 0.0
