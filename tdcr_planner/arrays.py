@@ -13,7 +13,9 @@ IntArray = NDArray[np.int64]
 
 
 def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
-    """Returns a value as a finite, C-contiguous float64 array of the given shape.
+    """Returns a value as a finite, C-contiguous float64 array of the given shape that can be written to.
+
+    To compiled code an array that is read-only has another type, for which it would be compiled once more.
 
     Args:
         name: The argument's name, for the message.
@@ -39,7 +41,7 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> F
     if not finite.all():
         index = tuple(int(i) for i in np.argwhere(~finite)[0])
         raise InputError(name, "finite numbers", f"{array[index]} at index {index}")
-    return array
+    return array if array.flags.writeable else array.copy()
 
 
 def check_batch(name: str, value: ArrayLike | None, count: int, width: int) -> FloatArray:
@@ -54,7 +56,7 @@ def check_batch(name: str, value: ArrayLike | None, count: int, width: int) -> F
     if value is None:
         return np.zeros((count, width))
     if np.ndim(value) == 1:
-        return np.ascontiguousarray(np.broadcast_to(check_array(name, value, (width,)), (count, width)))
+        return np.tile(check_array(name, value, (width,)), (count, 1))
     return check_array(name, value, (count, width))
 
 

@@ -45,19 +45,21 @@ def plan(
 
     from tdcr_planner.cli.cost import tell_cost
     from tdcr_planner.cli.pictures import draw_after
-    from tdcr_planner.cli.progress import TimeBar, remark_if_slow
+    from tdcr_planner.cli.progress import CompileBar, TimeBar
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
-    from tdcr_planner.report.results import RESULT_FILES, draw_result, write_result_data
-    from tdcr_planner.session import PlanningSession, PlanStatus
 
     started = time.perf_counter()
     given = {"seed": seed, "name": planner, "validity": validity, "time_limit_s": time_limit_s}
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
+    # Seconds to import: what is wrong with the arguments is said before.
+    from tdcr_planner.report.results import RESULT_FILES, draw_result, write_result_data
+    from tdcr_planner.session import PlanningSession, PlanStatus
+
     check_folder(out, RESULT_FILES)
     tell_cost("time_limit_s", query.planner.time_limit_s)
-    with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
+    with CompileBar(shown=progress):
         session = PlanningSession(query)
         session.use_roadmap(roadmap)
     loaded = time.perf_counter() - started

@@ -3,36 +3,19 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
 
 from tqdm import tqdm
 
 _COUNTED = "{desc}: {bar} {n_fmt} of {total_fmt}, {elapsed} gone, {remaining} left {postfix}"
+_OPEN_ENDED = "{desc}: {elapsed} gone {postfix}"
 _TIMED = "{desc}: {bar} {n:.1f} of {total:.0f} s {postfix}"
 # A log of an hour's training stays within what a person reads.
 LINE_EVERY_S = 30.0
-
-
-@contextmanager
-def remark_if_slow(remark: str, after_s: float = 8.0) -> Iterator[None]:
-    """Prints a remark to standard error when what is done inside takes longer than usual.
-
-    Args:
-        remark: What the reason may be.
-        after_s: How long to wait before saying so, s.
-    """
-    timer = threading.Timer(after_s, lambda: print(remark, file=sys.stderr, flush=True))
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
+# What compiles in less needs no remark.
+_COMPILES_LONG_S = 2.0
 
 
 class _Bar:
@@ -152,3 +135,59 @@ class TimeBar(_Bar):
             remark: What is going on.
         """
         self._move(min(time.perf_counter() - self._started, self._limit), remark)
+
+
+class CompileBar(_Bar):
+    """Says what is compiled inside of it, where that takes long: a bar on a terminal, else one line."""
+
+    TITLE = "compiling the numeric code, once on this machine"
+
+    def __init__(self, *, shown: bool = True) -> None:
+        """Prepares the bar; nothing is drawn when `shown` is false, or when nothing is compiled."""
+        super().__init__(shown=shown)
+        self._lines = shown and not self._shown
+        self._depth = 0
+        self._began_s: float | None = None
+        self._listener: Any = None
+
+    def __enter__(self) -> Self:
+        """Begins to listen."""
+        # Imports numba, which only commands that compute need.
+        from numba.core import event
+
+        class Listener(event.Listener):  # type: ignore[misc]
+            """Hands numba's events on; compiling one function begins with compiling those that it calls."""
+
+            def on_start(listener, event: Any) -> None:  # noqa: N805
+                self._begin(event.data["dispatcher"].py_func.__name__)
+
+            def on_end(listener, event: Any) -> None:  # noqa: N805, ARG002
+                self._depth -= 1
+
+        self._listener = Listener()
+        event.register("numba:compile", self._listener)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Ends listening and takes the bar off the screen."""
+        from numba.core import event
+
+        event.unregister("numba:compile", self._listener)
+        super().__exit__(kind, error, trace)
+
+    def _begin(self, name: str) -> None:
+        self._depth += 1
+        now = time.perf_counter()
+        if self._began_s is None:
+            self._began_s = now
+        if now - self._began_s < _COMPILES_LONG_S:
+            return
+        if self._lines:
+            self._lines = False
+            print(f"{self.TITLE}: half a minute or so", file=sys.stderr, flush=True)
+        if self._bar is None:
+            self._open(self.TITLE, 1.0, _OPEN_ENDED)
+        if self._depth == 1:
+            self._move(0.0, name)

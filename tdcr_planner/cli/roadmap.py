@@ -40,7 +40,7 @@ def roadmap(
     """
     from tdcr_planner.bounds import SEARCH_SEED, TIME_S, VERTICES
     from tdcr_planner.cli.cost import tell_cost
-    from tdcr_planner.cli.progress import TimeBar, remark_if_slow
+    from tdcr_planner.cli.progress import CompileBar, TimeBar
     from tdcr_planner.errors import InputError
     from tdcr_planner.files import check_file_target
     from tdcr_planner.planning.scenario import load_scenario
@@ -56,7 +56,7 @@ def roadmap(
     query = load_scenario(scenario)
     check_file_target(out)
     tell_cost("--seconds", seconds)
-    with remark_if_slow("still loading: the first run on a machine compiles for a minute or two, later ones do not"):
+    with CompileBar(shown=progress):
         builder = PlanningSession(query).roadmap_builder(seed=seed)
     interrupted = False
     with TimeBar("roadmap", seconds, shown=progress) as bar:

@@ -8,10 +8,10 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import FloatArray, IntArray, check_array, check_positive
+from tdcr_planner.compiled import njit
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
 

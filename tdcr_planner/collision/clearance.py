@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.collision.body import across, part_ball, place_solid
 from tdcr_planner.collision.containment import is_wrong, wrong_part
 from tdcr_planner.collision.distance import solid_distance, triangle_distance
 from tdcr_planner.collision.field import bounds_at
 from tdcr_planner.collision.tree import nearest_triangle
+from tdcr_planner.compiled import njit
 
 # What a touch without a measurable depth counts as, m: below zero, and far below any tolerance of a robot.
 GRAZE = 1e-9

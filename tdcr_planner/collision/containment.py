@@ -6,12 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.collision.body import place_solid
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.tree import TriangleTree, winding_number
+from tdcr_planner.compiled import njit
 
 
 class Side(NamedTuple):
@@ -117,7 +117,8 @@ def wrong_part(side, body, positions, rotations):  # type: ignore[no-untyped-def
             if side.has_entry:
                 deepest_point(body, index, centre, axis, half, side.entry_normal, point)
             else:
-                point[:] = centre
+                for a in range(3):
+                    point[a] = centre[a]
             if is_wrong(side, point[0], point[1], point[2]):
                 return part
             if kind != 2:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.collision.tree import STACK_SIZE, triangle_square_distance
+from tdcr_planner.compiled import njit
 
 # The derivative's root is bracketed to this share of an edge, far below what the squared distance can resolve.
 EDGE_TOLERANCE = 1e-13

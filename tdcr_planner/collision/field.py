@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.cache_folder import cache_folder
 from tdcr_planner.collision.containment import Side, entry_depth, is_wrong
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.tree import nearest_triangle, triangle_square_distance
+from tdcr_planner.compiled import njit
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import is_private, read_bytes, write_file_whole
 
@@ -81,20 +82,14 @@ def build_field(mesh: SceneMesh, side: Side, cells: int = CELLS, *, keep: bool =
     return Field(values, shape, origin, spacing, lower, upper, rules, plane)
 
 
-def cache_folder() -> Path:
-    """Returns where fields are kept: TDCR_CACHE_DIR, or tdcr_planner in the user's cache folder."""
-    given = os.environ.get("TDCR_CACHE_DIR")
-    if given:
-        return Path(given)
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "tdcr_planner"
-
-
 def _load_or_fill(
     mesh: SceneMesh, side: Side, shape: IntArray, origin: FloatArray, spacing: float
 ) -> NDArray[np.float32]:
     grid = f"{FORMAT} {mesh.sha256} {shape.tolist()} {[*origin.tolist(), spacing]}"
-    file = cache_folder() / f"field-{hashlib.sha256(grid.encode()).hexdigest()}.bin"
+    folder = cache_folder()
+    if folder is None:
+        return _filled(mesh, side, shape, origin, spacing)
+    file = folder / f"field-{hashlib.sha256(grid.encode()).hexdigest()}.bin"
     count = int(np.prod(shape))
     is_kept = _is_own_folder(file.parent)
     stored = _read_stored(file, count) if is_kept else None

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.collision.field import ROUNDING
+from tdcr_planner.compiled import njit
 
 # A part counts as settled only if the bounds hold with this to spare, m: FCL's own answers are this sharp at best.
 SPARE = 1e-6

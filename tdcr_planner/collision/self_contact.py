@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.body import RobotBody
+from tdcr_planner.compiled import njit
 
 
 class SelfPairs(NamedTuple):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.collision.body import across, part_ball, place_solid
 from tdcr_planner.collision.containment import deepest_point
@@ -13,6 +12,7 @@ from tdcr_planner.collision.distance import solid_distance
 from tdcr_planner.collision.field import bounds_at, front
 from tdcr_planner.collision.first_look import SPARE, look_at_parts
 from tdcr_planner.collision.self_contact import near_pairs
+from tdcr_planner.compiled import njit
 
 # CLEAR: touches no wall, but the field does not know its side.
 FREE, HIT, OPEN, CLEAR = 0, 1, 2, 3
@@ -131,7 +131,8 @@ def _settle_cylinder(field, centre, axis, half, radius):  # type: ignore[no-unty
             answer = OPEN
             continue
         wide, broad = 2.0 * r * turn, high - low
-        cells[top + 1] = cells[top]
+        for a in range(6):
+            cells[top + 1, a] = cells[top, a]
         if wide >= broad and wide >= 2.0 * tall:
             cells[top, 2], cells[top, 3] = angle - 0.5 * turn, 0.5 * turn
             cells[top + 1, 2], cells[top + 1, 3] = angle + 0.5 * turn, 0.5 * turn

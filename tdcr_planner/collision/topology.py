@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.compiled import njit
 
 # Corners nearer than this share of the mesh's diagonal are one vertex: single-precision files round at 6e-8.
 MERGE_SHARE = 2e-7

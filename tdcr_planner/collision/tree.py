@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.compiled import njit
 
 LEAF_SIZE = 4
 # A node farther away than this many of its radii enters the winding number as one dipole; see `winding_number`.

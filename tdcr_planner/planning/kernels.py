@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.compiled import njit
 from tdcr_planner.planning.spaces import ConfigurationSpace
 
 
@@ -66,7 +66,7 @@ def actuation_tables(space: ConfigurationSpace, tolerance: float) -> ActuationTa
     )
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def actuate(rows, tables):  # type: ignore[no-untyped-def]
     """Returns what `ConfigurationSpace.actuate` does, and which rows ask for too much tension or are not finite.
 
@@ -89,7 +89,8 @@ def actuate(rows, tables):  # type: ignore[no-untyped-def]
     bending, insertion, roll = tables.columns
     base = tables.base_rotation
     for row in range(count):
-        tensions[row] = tables.pretension
+        for tendon in range(tensions.shape[1]):
+            tensions[row, tendon] = tables.pretension[tendon]
         for index in range(bending // 2):
             x, y = rows[row, 2 * index], rows[row, 2 * index + 1]
             best, best_pair, best_first, best_second = -np.inf, 0, 0.0, 0.0
@@ -127,7 +128,7 @@ def actuate(rows, tables):  # type: ignore[no-untyped-def]
     return tensions, gravity, tip_force, positions, rotations, over, excessive
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def to_world(positions, rotations, base_positions, base_rotations):  # type: ignore[no-untyped-def]
     """Returns disk poses in the world frame from poses in the base frame.
 
@@ -163,7 +164,7 @@ def to_world(positions, rotations, base_positions, base_rotations):  # type: ign
     return world_positions, world_rotations, finite, broken
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def body_motion(positions, rotations, parameters, order, reaches):  # type: ignore[no-untyped-def]
     """Returns how far the body may stray from the nearer of two neighbouring states, doubled, between each two.
 
@@ -217,7 +218,7 @@ def body_motion(positions, rotations, parameters, order, reaches):  # type: igno
     return motion
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def fill_intervals(parameters, order, motion, step):  # type: ignore[no-untyped-def]
     """Returns the parameters to add so that intervals with more motion than step are split evenly, shape (m,)."""
     parts = np.ceil(motion / (0.97 * step)).astype(np.int64)
@@ -237,7 +238,7 @@ def fill_intervals(parameters, order, motion, step):  # type: ignore[no-untyped-
     return added
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def gap_curvatures(rotations, spacing):  # type: ignore[no-untyped-def]
     """Returns the mean curvature and twist between neighbouring disks.
 

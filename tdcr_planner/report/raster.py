@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.compiled import njit
 
 Image = NDArray[np.float32]
 _CREASE_COSINE = float(np.cos(np.deg2rad(35.0)))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.compiled import njit
 from tdcr_planner.robot import RobotSpec
 
 ONE, EIGHT = (None,), (None,) * 8
@@ -118,40 +118,40 @@ def rod_constants_at(robot: RobotSpec, arc_lengths: FloatArray) -> tuple[RodCons
     return constants, columns
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _read(work, row, lane, lanes):  # type: ignore[no-untyped-def]
     return work[row * lanes + lane], work[(row + 1) * lanes + lane], work[(row + 2) * lanes + lane]
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _write(work, row, lane, lanes, a):  # type: ignore[no-untyped-def]
     work[row * lanes + lane] = a[0]
     work[(row + 1) * lanes + lane] = a[1]
     work[(row + 2) * lanes + lane] = a[2]
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _cross(a, b):  # type: ignore[no-untyped-def]
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _ahead(a, step, slope):  # type: ignore[no-untyped-def]
     return a[0] + step * slope[0], a[1] + step * slope[1], a[2] + step * slope[2]
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _section(gap):  # type: ignore[no-untyped-def]
     """1/EI, GJ, GA, 1/EA, rest curvature in x and y, and the moment that holds the rest twist."""
     return 1.0 / gap[1], gap[3], gap[4], 1.0 / gap[6], gap[7], gap[8], gap[3] * gap[9]
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _add_tendon(work, tendon, lane, lanes, ux, uy, vz, square, pulls):  # type: ignore[no-untyped-def]
     """Adds a tendon's tension, along its tangent, to the sums that the strains need."""
     tension, x, y = _read(work, _TENDONS + 3 * tendon, lane, lanes)
@@ -169,7 +169,7 @@ def _add_tendon(work, tendon, lane, lanes, ux, uy, vz, square, pulls):  # type: 
     )
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _strains(work, lane, lanes, tendons, section, m, n, sums, carried):  # type: ignore[no-untyped-def]
     """Curvature u and linear strain v at a cut, from its moment and force and from the sums at the stage before.
 
@@ -194,13 +194,13 @@ def _strains(work, lane, lanes, tendons, section, m, n, sums, carried):  # type:
     return u, v, (tx, ty, tz), (uz, v[0], v[1])
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _slopes(m, n, g, u, v, line_mass):  # type: ignore[no-untyped-def]
     """The cut form in the body frame: m' = m x u + n x v, n' = n x u - rho A g, g' = g x u."""
     return _ahead(_cross(m, u), 1.0, _cross(n, v)), _ahead(_cross(n, u), -line_mass, g), _cross(g, u)
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _runge_kutta(a, h6, first, second, third, fourth):  # type: ignore[no-untyped-def]
     return (
         a[0] + h6 * (first[0] + 2.0 * (second[0] + third[0]) + fourth[0]),
@@ -209,7 +209,7 @@ def _runge_kutta(a, h6, first, second, third, fourth):  # type: ignore[no-untype
     )
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _advance_pose(work, lane, lanes, length, u, v):  # type: ignore[no-untyped-def]
     """Moves the pose over one gap: fourth-order Magnus step on SE(3) with the strains at the four stages.
 
@@ -242,7 +242,7 @@ def _advance_pose(work, lane, lanes, length, u, v):  # type: ignore[no-untyped-d
     _write(work, _ROTATION + 6, lane, lanes, (_dot(r2, column_x), _dot(r2, column_y), _dot(r2, column_z)))
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _settle(work, gap, tendons, side_by_side):  # type: ignore[no-untyped-def]
     """Settles the sums over the tendons where there are none to carry: at the base, and where tendons have ended."""
     lanes = len(side_by_side)
@@ -256,7 +256,7 @@ def _settle(work, gap, tendons, side_by_side):  # type: ignore[no-untyped-def]
             _write(work, _CARRIED, lane, lanes, carried)
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _cross_gap(work, gap, tendons, with_poses, side_by_side):  # type: ignore[no-untyped-def]
     """One Runge-Kutta step of the state, and one Magnus step of the pose if `with_poses`.
 
@@ -291,7 +291,7 @@ def _cross_gap(work, gap, tendons, with_poses, side_by_side):  # type: ignore[no
             _advance_pose(work, lane, lanes, h, (u0, u1, u2, u3), (v0, v1, v2, v3))
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _load(work, offsets, base_mass, tensions, gravity, tip_force, base_moment, start, count, side_by_side):  # type: ignore[no-untyped-def]
     """Puts cases start ... start + count into the lanes; lanes left over repeat the last."""
     lanes = len(side_by_side)
@@ -308,7 +308,7 @@ def _load(work, offsets, base_mass, tensions, gravity, tip_force, base_moment, s
             _write(work, _TENDONS + 3 * tendon, lane, lanes, values)
 
 
-@numba.njit(**_INLINE)
+@njit(**_INLINE)
 def _store(work, positions, rotations, start, count, disk, side_by_side):  # type: ignore[no-untyped-def]
     lanes = len(side_by_side)
     for lane in range(count):
@@ -318,7 +318,7 @@ def _store(work, positions, rotations, start, count, disk, side_by_side):  # typ
                 rotations[start + lane, disk, row, column] = work[(_ROTATION + 3 * row + column) * lanes + lane]
 
 
-@numba.njit(**COMPILED)
+@njit(**COMPILED)
 def shoot(  # type: ignore[no-untyped-def]
     gaps,
     first_tendon,
@@ -379,13 +379,13 @@ def shoot(  # type: ignore[no-untyped-def]
             residual[start + lane, row] = work[(_MOMENT + row) * lanes + lane]
 
 
-@numba.njit(**COMPILED)
+@njit(**COMPILED)
 def work_size(tendon_count, side_by_side):  # type: ignore[no-untyped-def]
     """How many numbers `shoot` needs room for."""
     return (_TENDONS + 3 * tendon_count) * len(side_by_side)
 
 
-@numba.njit(**COMPILED)
+@njit(**COMPILED)
 def _integrate(  # type: ignore[no-untyped-def]
     gaps,
     first_tendon,

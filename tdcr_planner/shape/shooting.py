@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.compiled import njit
 from tdcr_planner.shape.rod_kernel import COMPILED, EIGHT, ONE, RodConstants, shoot, work_size
 
 Float32Array = NDArray[np.float32]
@@ -100,7 +100,7 @@ class ShootingFunction:
         return positions, rotations, residual
 
 
-@numba.njit(**COMPILED)
+@njit(**COMPILED)
 def _evaluate_network(weights, widths, tensions, gravity, tip_force, moment, inverse):  # type: ignore[no-untyped-def]
     """Fills base moments (n, 3) and inverse Jacobians (n, 9)."""
     cases, tendons = tensions.shape
@@ -142,7 +142,7 @@ def _evaluate_network(weights, widths, tensions, gravity, tip_force, moment, inv
             inverse[case, entry] = y[case, 18 + entry] + (one if entry % 4 == 0 else np.float32(0.0))
 
 
-@numba.njit(**COMPILED)
+@njit(**COMPILED)
 def _correct_and_shoot(  # type: ignore[no-untyped-def]
     gaps,
     first_tendon,
@@ -182,7 +182,7 @@ def _correct_and_shoot(  # type: ignore[no-untyped-def]
         residual[case] = np.sqrt(left_over[case, 0] ** 2 + left_over[case, 1] ** 2 + left_over[case, 2] ** 2)
 
 
-@numba.njit(**COMPILED)
+@njit(**COMPILED)
 def predict(  # type: ignore[no-untyped-def]
     gaps,
     first_tendon,

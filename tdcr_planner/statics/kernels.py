@@ -1,8 +1,8 @@
 """Compiled kernels of the rod: the strain of a cross-section, a sweep from base to tip, the solution of a case.
 
 Strain is (v, u), six numbers in the body frame; load is (n, m), the force and moment across the cut in the body frame.
-docs/theory.md derives every equation used here. All compiled code stands in this one file because numba's cache watches
-only the file of the function that is called: a kernel changed elsewhere would go on running from a stale cache.
+docs/theory.md derives every equation used here. Arrays are copied number by number: numba compiles the assignment of
+whole arrays to code that checks and words mismatches of their shapes, which takes longer to compile than the kernels.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.compiled import njit
 from tdcr_planner.statics.rod import RodArrays
 
 OPTIONS: dict[str, Any] = {
@@ -538,8 +538,10 @@ def sweep(
             for j in range(3):
                 angle[i, j] = 0.0
                 moment[i, j] = 1.0 if i == j else 0.0
-    positions[0] = 0.0
-    rotations[0] = R
+    for i in range(3):
+        positions[0, i] = 0.0
+        for j in range(3):
+            rotations[0, i, j] = R[i, j]
     segment = -1
     length = rod.length[0]
     for c in range(rod.step_lengths.shape[0]):
@@ -576,8 +578,9 @@ def sweep(
             if not solve_strain(load, strain, stiffness, rest, rod.offsets, tau, first, inverse, fresh, length):
                 return False, False
             if record.shape[0] > 0:
-                record[c, stage, :6] = load
-                record[c, stage, 6:12] = strain
+                for j in range(6):
+                    record[c, stage, j] = load[j]
+                    record[c, stage, 6 + j] = strain[j]
                 for i in range(3):
                     for j in range(3):
                         record[c, stage, 12 + 3 * i + j] = (
@@ -750,8 +753,9 @@ def variations(
     for c in range(rod.step_lengths.shape[0]):
         h, segment = rod.step_lengths[c], rod.step_segments[c]
         first = rod.first_tendon[segment]
-        trial[:] = y
-        total[:] = y
+        for i in range(9):
+            for j in range(count):
+                trial[i, j] = total[i, j] = y[i, j]
         for stage in range(4):
             sigma = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
             for k in range(profiles.shape[0]):
@@ -764,12 +768,18 @@ def variations(
                 for j in range(count):
                     total[i, j] += share * rate[i, j]
                     trial[i, j] = y[i, j] + reach * rate[i, j]
-        y[:] = total
+        for i in range(9):
+            for j in range(count):
+                y[i, j] = total[i, j]
         disk = rod.step_disks[c]
         if disk >= 0:
-            at_disks[disk, :3] = y[:3]
-            at_disks[disk, 3:] = y[6:]
-    end[:] = y[3:6]
+            for i in range(3):
+                for j in range(count):
+                    at_disks[disk, i, j] = y[i, j]
+                    at_disks[disk, 3 + i, j] = y[6 + i, j]
+    for i in range(3):
+        for j in range(count):
+            end[i, j] = y[3 + i, j]
 
 
 @njit(**OPTIONS)
@@ -865,7 +875,8 @@ def newton(
                 natural += (inverse[i, 0] * end[0] + inverse[i, 1] * end[1] + inverse[i, 2] * end[2]) ** 2
             if not natural <= limit**2 * size:
                 return False, residual, sweeps, False, 0.0
-        base_moment[:] = trial
+        for j in range(3):
+            base_moment[j] = trial[j]
         determinant = invert3(moment, inverse)
         if residual <= tolerance:
             break
@@ -906,13 +917,15 @@ def unloaded_tangent(
     """
     strain, zero, inverse, twist = np.empty(6), np.zeros(6), np.empty((6, 6)), np.empty(6)
     R, Q, d = np.eye(3), np.empty((3, 3)), np.empty(3)
-    tangent[:] = tip_moment
+    for j in range(3):
+        tangent[j] = tip_moment[j]
     segment = -1
     for c in range(rod.step_lengths.shape[0]):
         h = rod.step_lengths[c]
         if rod.step_segments[c] != segment:
             segment = rod.step_segments[c]
-            strain[:] = rod.rest_strain[segment]
+            for j in range(6):
+                strain[j] = rod.rest_strain[segment, j]
             if not solve_strain(
                 zero,
                 strain,
@@ -976,8 +989,11 @@ def follow_branch(
         for j in range(3):
             guess[j] = last[j] + tangent[j] * (target - fraction)
             scaled_tip[j] = target * tip_moment[j]
-        scaled_forces[:] = target * forces
-        scaled_weights[:] = target * weights
+        for j in range(3):
+            for c in range(forces.shape[0]):
+                scaled_forces[c, j] = target * forces[c, j]
+            for k in range(weights.shape[0]):
+                scaled_weights[k, j] = target * weights[k, j]
         # A stable branch may turn unstable only within the smallest step: anything longer could have left it.
         cautious = on_stable and step > 2.0 * SMALLEST_LOAD_STEP
         long = on_stable and step > LONG_LOAD_STEP
@@ -1050,7 +1066,8 @@ def solve_cases(
             )
             if converged and stable:
                 done = True
-                base_moments[case] = moment
+                for j in range(3):
+                    base_moments[case, j] = moment[j]
                 residuals[case] = residual
                 codes[case] = CONVERGED
                 fractions[case] = 1.0

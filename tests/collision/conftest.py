@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
+from tdcr_planner.cache_folder import cache_folder
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.robot import load_robot
 from tdcr_planner.se3 import rotation_from_vector
@@ -104,5 +106,9 @@ def field_cache(tmp_path_factory):
     """Keeps the fields of a test run in a folder of its own."""
     folder = tmp_path_factory.mktemp("fields")
     with pytest.MonkeyPatch.context() as patch:
+        # Processes that tests start read compiled code where this one does.
+        compiled = cache_folder()
+        if compiled is not None and "NUMBA_CACHE_DIR" not in os.environ:
+            patch.setenv("NUMBA_CACHE_DIR", str(compiled))
         patch.setenv("TDCR_CACHE_DIR", str(folder))
         yield folder

@@ -246,3 +246,15 @@ def test_a_cache_that_cannot_be_written_is_one_warning(shapes, tmp_path, monkeyp
     (record,) = caplog.records
     assert "distance fields are not kept for later runs" in record.message
     assert str(blocked) in record.message
+
+
+def test_a_user_without_a_home_keeps_no_fields(shapes, monkeypatch):
+    for variable in ("TDCR_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(variable, raising=False)
+
+    def no_home():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr("pathlib.Path.home", no_home)
+    mesh = SceneMesh.from_arrays("ball", *shapes.sphere(0.05), "obstacle")
+    assert len(build_field(mesh, make_side(mesh), CELLS).values) > 0
