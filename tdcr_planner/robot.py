@@ -15,6 +15,7 @@ from pydantic import Field, field_validator, model_validator
 from tdcr_planner.arrays import FloatArray, IntArray, check_array
 from tdcr_planner.errors import InputError
 from tdcr_planner.files import FileModel, NotNegative, Positive, Vector3, parse_table, read_toml, sha256_of_json
+from tdcr_planner.limits import snap
 
 
 class Backbone(FileModel):
@@ -361,9 +362,9 @@ class RobotSpec(FileModel):
     def check_tensions(self, tensions: ArrayLike) -> FloatArray:
         """Returns tensions as shape (n, t), N, or raises InputError: one row a case, none negative, all finite.
 
-        Tension limits are not checked here: the statics are valid beyond them.
+        Negative by rounding counts as 0. Tension limits are not checked here: the statics are valid beyond them.
         """
-        array = check_array("tensions", tensions, (None, self.tendon_count))
+        array = snap(check_array("tensions", tensions, (None, self.tendon_count)), 0.0, self.max_tensions)
         if (array < 0.0).any():
             row, column = (int(i) for i in np.argwhere(array < 0.0)[0])
             raise InputError(

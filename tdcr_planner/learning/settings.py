@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field, PrivateAttr, model_validator
 
 from tdcr_planner.files import FileModel, NotNegative, Positive, parse_table, read_toml
+from tdcr_planner.learning.loads import tip_compliance
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import Domain
 
@@ -18,25 +19,45 @@ CONFIDENCE = 0.99
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
+TIP_DEFLECTION = 0.1
+"""Part of the robot's length by which the largest tip force moves the unactuated tip, where nothing else is said."""
+
+
 class DomainSettings(FileModel):
     """The inputs that the model shall answer for.
 
     Attributes:
         tension_share: Part of each tendon's limit up to which the model is trained, above 0 to 1.
-        gravity_m_s2: Largest gravity, in any direction.
-        tip_force_n: Largest tip force, in any direction.
+        gravity_m_s2: Largest gravity, in any direction; the default is the Earth's, at most 9.832, rounded up.
+        tip_force_n: Largest tip force, in any direction; None for what `tip_deflection` says.
+        tip_deflection: Part of the robot's length by which the largest tip force moves the unactuated tip, by the
+            linear theory; None for `TIP_DEFLECTION`. Only without tip_force_n.
     """
 
     tension_share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    gravity_m_s2: NotNegative = 9.81
-    tip_force_n: NotNegative = 0.05
+    gravity_m_s2: NotNegative = 10.0
+    tip_force_n: NotNegative | None = None
+    tip_deflection: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
+
+    @model_validator(mode="after")
+    def _check_tip_force(self) -> DomainSettings:
+        if self.tip_force_n is not None and self.tip_deflection is not None:
+            raise ValueError("expected tip_force_n or tip_deflection, got both")
+        return self
+
+    def tip_force(self, robot: RobotSpec) -> float:
+        """Returns the largest tip force for a robot, N, to two digits where it follows from the robot."""
+        if self.tip_force_n is not None:
+            return self.tip_force_n
+        deflection = TIP_DEFLECTION if self.tip_deflection is None else self.tip_deflection
+        return float(f"{deflection * robot.length / tip_compliance(robot):.1e}")
 
     def for_robot(self, robot: RobotSpec) -> Domain:
-        """Returns the domain for a robot's tension limits."""
+        """Returns the domain for a robot's tension limits and stiffness."""
         return Domain(
             max_tension_n=tuple(float(limit) for limit in self.tension_share * robot.max_tensions),
             gravity_m_s2=self.gravity_m_s2,
-            tip_force_n=self.tip_force_n,
+            tip_force_n=self.tip_force(robot),
         )
 
 
@@ -44,13 +65,13 @@ class DatasetSettings(FileModel):
     """How many cases and how they are drawn.
 
     Attributes:
-        cases: Training cases.
+        cases: Training cases; None for `TrainSettings.for_robot`'s rule.
         validation_cases: Cases on which the best epoch is chosen.
         planner_share: Part of the cases drawn as the planner meets them (tensions of least sum); the rest is uniform.
         threads: Threads of the reference solver; the cases do not depend on it.
     """
 
-    cases: Count = 120_000
+    cases: Count | None = None
     validation_cases: Count = 4_000
     planner_share: Share = 0.5
     threads: Count = 2
@@ -60,11 +81,11 @@ class ShootingSettings(FileModel):
     """The `shooting` network.
 
     Attributes:
-        hidden: Width of each hidden layer.
+        hidden: Width of each hidden layer; None for `TrainSettings.for_robot`'s rule.
         corrections: Number of learned Newton steps.
     """
 
-    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (64, 64, 64)
+    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] | None = None
     corrections: Annotated[int, Field(ge=0, le=5)] = 1
 
 
@@ -72,18 +93,34 @@ class OptimiserSettings(FileModel):
     """AdamW with a one-cycle learning rate.
 
     Attributes:
-        epochs: Passes through the training cases.
+        epochs: Passes through the training cases; None for `TrainSettings.for_robot`'s rule.
         batch_size: Cases a step.
         learning_rate: Peak of the cycle.
         warm_up: Part of all steps in which the rate rises.
         weight_decay: AdamW's weight decay.
     """
 
-    epochs: Count = 60
+    epochs: Count | None = None
     batch_size: Count = 1024
     learning_rate: Positive = 4e-3
     warm_up: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.15
     weight_decay: NotNegative = 1e-6
+
+
+class Effort(NamedTuple):
+    """What a robot of some number of segments needs: training cases, widths of the hidden layers, epochs."""
+
+    cases: int
+    hidden: tuple[int, ...]
+    epochs: int
+
+
+RULE = {
+    1: Effort(120_000, (64, 64, 64), 60),
+    2: Effort(120_000, (64, 64, 64), 60),
+    3: Effort(180_000, (96, 96, 96), 60),
+}
+"""The effort by the number of segments, the last for all above; docs/learning.md has the measurements behind it."""
 
 
 class LossSettings(FileModel):
@@ -303,6 +340,23 @@ class TrainSettings(FileModel):
         if (self.measured is None) != (self.loss.measured == 0.0):
             raise ValueError("expected both a table [measured] and loss.measured above 0, or neither")
         return self
+
+    def for_robot(self, robot: RobotSpec) -> TrainSettings:
+        """Returns the settings with all that they leave to the robot filled in.
+
+        The tip force follows from the robot's stiffness and length. A segment adds three inputs to the network, so
+        that a robot of more than two gets more cases, wider layers and more epochs: see `RULE`.
+        """
+        rule = RULE[min(robot.segment_count, max(RULE))]
+        changes = {
+            "domain": {"tip_force_n": self.domain.tip_force(robot), "tip_deflection": None},
+            "dataset": {"cases": self.dataset.cases or rule.cases},
+            "shooting": {"hidden": self.shooting.hidden or rule.hidden},
+            "optimiser": {"epochs": self.optimiser.epochs or rule.epochs},
+        }
+        return self.model_copy(
+            update={name: getattr(self, name).model_copy(update=values) for name, values in changes.items()}
+        )
 
     def resolve(self, path: Path) -> Path:
         """Returns a path of this file as seen from where the program runs: relative ones start at the file's folder."""

@@ -91,6 +91,7 @@ def train_model(
         FormatError: A file cannot be written, or the checkpoint belongs to another robot or other settings.
         WorkersError: The backend's workers are gone.
     """
+    settings = settings.for_robot(robot)
     check_domain(robot, settings.domain.for_robot(robot))
     if settings.network == "paper":
         from tdcr_planner.learning.paper import train_paper_network
@@ -120,11 +121,12 @@ def train_shooting_network(
     backend: Backend | None = None,
 ) -> ShootingNetwork:
     """Returns the `shooting` network of the best epoch; see `train_model`."""
-    domain = settings.domain
+    settings = settings.for_robot(robot)
+    domain, hidden, epochs = settings.domain.for_robot(robot), settings.shooting.hidden, settings.optimiser.epochs
+    assert hidden is not None  # for_robot has filled them in
+    assert epochs is not None
     torch.manual_seed(settings.seed)
-    network = ShootingNetwork(
-        robot, settings.shooting.hidden, settings.shooting.corrections, domain.gravity_m_s2, domain.tip_force_n
-    )
+    network = ShootingNetwork(robot, hidden, settings.shooting.corrections, domain.gravity_m_s2, domain.tip_force_n)
     if settings.measured is not None and settings.measured.start_from is not None:
         _copy_weights(settings.resolve(settings.measured.start_from), network)
     run = _Run(robot, settings, network, prepare_data(robot, settings, progress, backend))
@@ -134,11 +136,11 @@ def train_shooting_network(
     if state is not None:
         run.restore(state)
     with TrainingLog(log_folder) as log:
-        while run.epoch < settings.optimiser.epochs:
+        while run.epoch < epochs:
             loss = run.train_epoch()
             score = run.validate()
             save_checkpoint(path, *keys, run.state())
-            progress("training", run.epoch, settings.optimiser.epochs, f"loss {loss:.2e}, residual {score:.2e} N m")
+            progress("training", run.epoch, epochs, f"loss {loss:.2e}, residual {score:.2e} N m")
             log.add(run.epoch, {"loss": loss, "validation/residual_nm": score})
     network.load_state_dict(run.best_weights)
     return network.cpu()
@@ -148,7 +150,9 @@ def prepare_data(
     robot: RobotSpec, settings: TrainSettings, progress: Progress = no_progress, backend: Backend | None = None
 ) -> TrainingData:
     """Returns the inputs of a training, and the reference's answers where the loss asks for them."""
+    settings = settings.for_robot(robot)
     dataset, domain = settings.dataset, settings.domain.for_robot(robot)
+    assert dataset.cases is not None  # for_robot has filled it in
     share = dataset.planner_share
     cases = draw_mixture(robot, domain, share, dataset.cases, _generator(settings, _TRAINING))
     validation = draw_mixture(robot, domain, share, dataset.validation_cases, _generator(settings, _VALIDATION))
@@ -174,6 +178,7 @@ def judge_model(
     backend: Backend | None = None,
 ) -> ModelCard:
     """Returns the card of a trained model: its errors and its bound, each on cases that nothing else has seen."""
+    settings = settings.for_robot(robot)
     domain = settings.domain.for_robot(robot)
     samples: dict[tuple[int, Sample], SolvedCases] = {}
     kinds: tuple[Sample, ...] = ("uniform", "planner")
@@ -233,6 +238,7 @@ class _Run:
         self.scale = largest if largest > 0.0 else 1.0
         self.batch = min(optimiser.batch_size, len(data.cases))
         self.steps = len(data.cases) // self.batch
+        assert optimiser.epochs is not None  # for_robot has filled it in
         self.optimiser = torch.optim.AdamW(
             network.parameters(), lr=optimiser.learning_rate, weight_decay=optimiser.weight_decay
         )

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
 from tdcr_planner.files import FileModel, NotNegative, Positive, Vector3, parse_table, read_toml, sha256_of_file
+from tdcr_planner.limits import snap
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
 
@@ -362,6 +363,6 @@ def _check_against_robot(scenario: Scenario) -> None:
             )
         for key, value, allowed in (("insertion_m", insertion, base.insertion_m), ("roll_deg", roll, base.roll_deg)):
             low, high = allowed if allowed is not None else (0.0, 0.0)
-            if not low <= value <= high:
+            if not low <= snap(value, low, high) <= high:
                 reason = f"the range of [base] {key} is [{low}, {high}]" if allowed else f"[base] has no {key} range"
                 raise FormatError(scenario.path, f"got {value}, but {reason}", f"{place}.{key}")
