@@ -82,11 +82,11 @@ class ShootingSettings(FileModel):
 
     Attributes:
         hidden: Width of each hidden layer; None for `TrainSettings.for_robot`'s rule.
-        corrections: Number of learned Newton steps.
+        corrections: Number of learned Newton steps; None for that rule too.
     """
 
     hidden: Annotated[tuple[Count, ...], Field(min_length=1)] | None = None
-    corrections: Annotated[int, Field(ge=0, le=5)] = 1
+    corrections: Annotated[int, Field(ge=0, le=5)] | None = None
 
 
 class OptimiserSettings(FileModel):
@@ -108,17 +108,25 @@ class OptimiserSettings(FileModel):
 
 
 class Effort(NamedTuple):
-    """What a robot of some number of segments needs: training cases, widths of the hidden layers, epochs."""
+    """What a robot of some number of segments needs.
+
+    Attributes:
+        cases: Training cases.
+        hidden: Width of each hidden layer.
+        epochs: Passes through the training cases.
+        corrections: Learned Newton steps.
+    """
 
     cases: int
     hidden: tuple[int, ...]
     epochs: int
+    corrections: int
 
 
 RULE = {
-    1: Effort(120_000, (64, 64, 64), 60),
-    2: Effort(120_000, (64, 64, 64), 60),
-    3: Effort(180_000, (96, 96, 96), 60),
+    1: Effort(120_000, (64, 64, 64), 60, 1),
+    2: Effort(120_000, (64, 64, 64), 60, 2),
+    3: Effort(180_000, (96, 96, 96), 60, 2),
 }
 """The effort by the number of segments, the last for all above; docs/learning.md has the measurements behind it."""
 
@@ -351,7 +359,10 @@ class TrainSettings(FileModel):
         changes = {
             "domain": {"tip_force_n": self.domain.tip_force(robot), "tip_deflection": None},
             "dataset": {"cases": self.dataset.cases or rule.cases},
-            "shooting": {"hidden": self.shooting.hidden or rule.hidden},
+            "shooting": {
+                "hidden": self.shooting.hidden or rule.hidden,
+                "corrections": rule.corrections if self.shooting.corrections is None else self.shooting.corrections,
+            },
             "optimiser": {"epochs": self.optimiser.epochs or rule.epochs},
         }
         return self.model_copy(

@@ -122,11 +122,12 @@ def train_shooting_network(
 ) -> ShootingNetwork:
     """Returns the `shooting` network of the best epoch; see `train_model`."""
     settings = settings.for_robot(robot)
-    domain, hidden, epochs = settings.domain.for_robot(robot), settings.shooting.hidden, settings.optimiser.epochs
-    assert hidden is not None  # for_robot has filled them in
+    domain, shooting, epochs = settings.domain.for_robot(robot), settings.shooting, settings.optimiser.epochs
+    assert shooting.hidden is not None  # for_robot has filled them in
+    assert shooting.corrections is not None
     assert epochs is not None
     torch.manual_seed(settings.seed)
-    network = ShootingNetwork(robot, hidden, settings.shooting.corrections, domain.gravity_m_s2, domain.tip_force_n)
+    network = ShootingNetwork(robot, shooting.hidden, shooting.corrections, domain.gravity_m_s2, domain.tip_force_n)
     if settings.measured is not None and settings.measured.start_from is not None:
         _copy_weights(settings.resolve(settings.measured.start_from), network)
     run = _Run(robot, settings, network, prepare_data(robot, settings, progress, backend))
