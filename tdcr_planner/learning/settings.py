@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
@@ -65,13 +65,13 @@ class DatasetSettings(FileModel):
     """How many cases and how they are drawn.
 
     Attributes:
-        cases: Training cases; None for `TrainSettings.for_robot`'s rule.
+        cases: Training cases.
         validation_cases: Cases on which the best epoch is chosen.
         planner_share: Part of the cases drawn as the planner meets them (tensions of least sum); the rest is uniform.
         threads: Threads of the reference solver; the cases do not depend on it.
     """
 
-    cases: Count | None = None
+    cases: Count = 120_000
     validation_cases: Count = 4_000
     planner_share: Share = 0.5
     threads: Count = 2
@@ -81,11 +81,11 @@ class ShootingSettings(FileModel):
     """The `shooting` network.
 
     Attributes:
-        hidden: Width of each hidden layer; None for `TrainSettings.for_robot`'s rule.
-        corrections: Number of learned Newton steps; None for that rule too.
+        hidden: Width of each hidden layer.
+        corrections: Number of learned Newton steps; None for one a segment, up to `MOST_CORRECTIONS`.
     """
 
-    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] | None = None
+    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (64, 64, 64)
     corrections: Annotated[int, Field(ge=0, le=5)] | None = None
 
 
@@ -93,42 +93,22 @@ class OptimiserSettings(FileModel):
     """AdamW with a one-cycle learning rate.
 
     Attributes:
-        epochs: Passes through the training cases; None for `TrainSettings.for_robot`'s rule.
+        epochs: Passes through the training cases.
         batch_size: Cases a step.
         learning_rate: Peak of the cycle.
         warm_up: Part of all steps in which the rate rises.
         weight_decay: AdamW's weight decay.
     """
 
-    epochs: Count | None = None
+    epochs: Count = 60
     batch_size: Count = 1024
     learning_rate: Positive = 4e-3
     warm_up: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.15
     weight_decay: NotNegative = 1e-6
 
 
-class Effort(NamedTuple):
-    """What a robot of some number of segments needs.
-
-    Attributes:
-        cases: Training cases.
-        hidden: Width of each hidden layer.
-        epochs: Passes through the training cases.
-        corrections: Learned Newton steps.
-    """
-
-    cases: int
-    hidden: tuple[int, ...]
-    epochs: int
-    corrections: int
-
-
-RULE = {
-    1: Effort(120_000, (64, 64, 64), 60, 1),
-    2: Effort(120_000, (64, 64, 64), 60, 2),
-    3: Effort(180_000, (96, 96, 96), 60, 2),
-}
-"""The effort by the number of segments, the last for all above; docs/learning.md has the measurements behind it."""
+MOST_CORRECTIONS = 3
+"""Learned Newton steps of a robot of three segments or more, where nothing else is said; one a segment below."""
 
 
 class LossSettings(FileModel):
@@ -352,21 +332,19 @@ class TrainSettings(FileModel):
     def for_robot(self, robot: RobotSpec) -> TrainSettings:
         """Returns the settings with all that they leave to the robot filled in.
 
-        The tip force follows from the robot's stiffness and length. A segment adds three inputs to the network, so
-        that a robot of more than two gets more cases, wider layers and more epochs: see `RULE`.
+        The tip force follows from the robot's stiffness and length. With each segment the base moment depends on three
+        more inputs, and the network's first guess gets worse; one learned Newton step a segment makes up for it, see
+        docs/learning.md for the measurements.
         """
-        rule = RULE[min(robot.segment_count, max(RULE))]
-        changes = {
-            "domain": {"tip_force_n": self.domain.tip_force(robot), "tip_deflection": None},
-            "dataset": {"cases": self.dataset.cases or rule.cases},
-            "shooting": {
-                "hidden": self.shooting.hidden or rule.hidden,
-                "corrections": rule.corrections if self.shooting.corrections is None else self.shooting.corrections,
-            },
-            "optimiser": {"epochs": self.optimiser.epochs or rule.epochs},
-        }
+        corrections = self.shooting.corrections
+        if corrections is None:
+            corrections = min(robot.segment_count, MOST_CORRECTIONS)
+        domain = {"tip_force_n": self.domain.tip_force(robot), "tip_deflection": None}
         return self.model_copy(
-            update={name: getattr(self, name).model_copy(update=values) for name, values in changes.items()}
+            update={
+                "domain": self.domain.model_copy(update=domain),
+                "shooting": self.shooting.model_copy(update={"corrections": corrections}),
+            }
         )
 
     def resolve(self, path: Path) -> Path:

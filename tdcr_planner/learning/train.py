@@ -123,9 +123,7 @@ def train_shooting_network(
     """Returns the `shooting` network of the best epoch; see `train_model`."""
     settings = settings.for_robot(robot)
     domain, shooting, epochs = settings.domain.for_robot(robot), settings.shooting, settings.optimiser.epochs
-    assert shooting.hidden is not None  # for_robot has filled them in
-    assert shooting.corrections is not None
-    assert epochs is not None
+    assert shooting.corrections is not None  # for_robot has filled it in
     torch.manual_seed(settings.seed)
     network = ShootingNetwork(robot, shooting.hidden, shooting.corrections, domain.gravity_m_s2, domain.tip_force_n)
     if settings.measured is not None and settings.measured.start_from is not None:
@@ -153,7 +151,6 @@ def prepare_data(
     """Returns the inputs of a training, and the reference's answers where the loss asks for them."""
     settings = settings.for_robot(robot)
     dataset, domain = settings.dataset, settings.domain.for_robot(robot)
-    assert dataset.cases is not None  # for_robot has filled it in
     share = dataset.planner_share
     cases = draw_mixture(robot, domain, share, dataset.cases, _generator(settings, _TRAINING))
     validation = draw_mixture(robot, domain, share, dataset.validation_cases, _generator(settings, _VALIDATION))
@@ -239,7 +236,6 @@ class _Run:
         self.scale = largest if largest > 0.0 else 1.0
         self.batch = min(optimiser.batch_size, len(data.cases))
         self.steps = len(data.cases) // self.batch
-        assert optimiser.epochs is not None  # for_robot has filled it in
         self.optimiser = torch.optim.AdamW(
             network.parameters(), lr=optimiser.learning_rate, weight_decay=optimiser.weight_decay
         )

@@ -8,7 +8,13 @@ from hypothesis import strategies as st
 
 from tdcr_planner.errors import FormatError
 from tdcr_planner.learning.loads import tip_motion
-from tdcr_planner.learning.settings import RULE, TIP_DEFLECTION, DomainSettings, TrainSettings, load_train_settings
+from tdcr_planner.learning.settings import (
+    MOST_CORRECTIONS,
+    TIP_DEFLECTION,
+    DomainSettings,
+    TrainSettings,
+    load_train_settings,
+)
 from tdcr_planner.robot import load_robot
 
 
@@ -75,23 +81,14 @@ def test_the_default_tip_force_follows_the_stiffness(two_segment_robot, stiffnes
 
 
 def test_what_is_stated_stands_and_what_is_not_follows_from_the_robot(two_segment_robot):
-    stated = TrainSettings.model_validate(
-        {
-            "domain": {"tip_force_n": 0.0},
-            "dataset": {"cases": 7},
-            "shooting": {"hidden": [5], "corrections": 0},
-            "optimiser": {"epochs": 3},
-        }
-    )
+    stated = TrainSettings.model_validate({"domain": {"tip_force_n": 0.0}, "shooting": {"corrections": 0}})
     assert stated.for_robot(two_segment_robot) == stated
     filled = TrainSettings().for_robot(two_segment_robot)
     assert filled.for_robot(two_segment_robot) == filled
-    assert filled.shooting.hidden is not None
-    assert filled.dataset.cases == RULE[2].cases
+    assert filled.domain.tip_force_n == DomainSettings().tip_force(two_segment_robot)
 
 
-def test_more_segments_get_more(two_segment_robot):
-    third = two_segment_robot.model_copy(
-        update={"segments": (*two_segment_robot.segments, two_segment_robot.segments[1])}
-    )
-    assert TrainSettings().for_robot(third).dataset.cases == RULE[3].cases > RULE[2].cases
+@pytest.mark.parametrize("segments", [1, 2, 3, 4])
+def test_a_segment_more_is_a_newton_step_more(two_segment_robot, segments):
+    robot = two_segment_robot.model_copy(update={"segments": (two_segment_robot.segments[0],) * segments})
+    assert TrainSettings().for_robot(robot).shooting.corrections == min(segments, MOST_CORRECTIONS)
