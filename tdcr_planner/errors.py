@@ -60,6 +60,25 @@ class FormatError(TdcrError):
         super().__init__(f"{where}: {problem}")
 
 
+class MissingLibraryError(TdcrError):
+    """A library that is left out on some systems is needed.
+
+    Attributes:
+        library: Its name.
+    """
+
+    def __init__(self, library: str, purpose: str, systems: str) -> None:
+        """Words the message.
+
+        Args:
+            library: The library's name.
+            purpose: What it is needed for, as "to ...".
+            systems: Where it runs.
+        """
+        self.library = library
+        super().__init__(f"{library} is not installed and is needed {purpose}; it runs on {systems}: see README.md")
+
+
 class RobotMismatchError(TdcrError):
     """A shape model was made for another robot.
 

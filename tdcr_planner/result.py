@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from tdcr_planner.planning.path import TensionPath
@@ -67,7 +67,13 @@ class PlanResult:
 
 @cache
 def _library_versions() -> tuple[tuple[str, str], ...]:
-    return tuple((name, version(name)) for name in LIBRARIES)
+    versions = []
+    for name in LIBRARIES:
+        try:
+            versions.append((name, version(name)))
+        except PackageNotFoundError:
+            versions.append((name, "not installed"))
+    return tuple(versions)
 
 
 def library_versions() -> dict[str, str]:

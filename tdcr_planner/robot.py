@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,6 +16,10 @@ from pydantic import Field, field_validator, model_validator
 from tdcr_planner.arrays import FloatArray, IntArray, check_array
 from tdcr_planner.errors import InputError
 from tdcr_planner.files import FileModel, NotNegative, Positive, Vector3, parse_table, read_toml, sha256_of_json
+from tdcr_planner.limits import snap
+from tdcr_planner.plausibility import doubts
+
+logger = logging.getLogger(__name__)
 
 
 class Backbone(FileModel):
@@ -27,7 +32,7 @@ class Backbone(FileModel):
         inner_radius_m: Inner radius, 0 for a solid rod.
         density_kg_m3: Mass density; 0 for a massless rod.
         rest_curvature_1_m: Curvature and twist u* of the unloaded rod, body frame.
-        max_strain: Largest bending strain allowed (dimensionless), or None for no limit.
+        max_strain: Largest bending strain allowed, radius x |u - u*| (dimensionless), or None for no limit.
     """
 
     youngs_modulus_pa: Positive
@@ -42,6 +47,12 @@ class Backbone(FileModel):
     def _check_wall(self) -> Backbone:
         if self.inner_radius_m >= self.radius_m:
             raise ValueError(f"inner_radius_m must be below radius_m = {self.radius_m}, got {self.inner_radius_m}")
+        rest = math.hypot(*self.rest_curvature_1_m[:2])
+        if rest * self.radius_m >= 1.0:
+            raise ValueError(
+                f"rest_curvature_1_m must be below 1 / radius_m = {1.0 / self.radius_m:g}, got {rest:g} 1/m: the "
+                "backbone cannot be bent more sharply than its own radius; is it in 1/mm?"
+            )
         return self
 
     @property
@@ -91,7 +102,8 @@ class Segment(FileModel):
         max_tension_n: Largest tension of each tendon.
         pretension_n: Tension added to each tendon.
         tendon_axial_stiffness_n: E A of each tendon, for its elastic stretch; None for inextensible tendons.
-        max_tendon_displacement_m: Largest pull or release of each tendon at the base; None for no limit.
+        max_tendon_displacement_m: Largest pull or release of each tendon at the base, counted from the unloaded
+            robot; None for no limit.
         backbone: This segment's own backbone; None for the robot's.
     """
 
@@ -119,6 +131,7 @@ class Segment(FileModel):
             raise ValueError(
                 f"tendons that only pull must surround the backbone: the widest gap between neighbours must be below "
                 f"180 degrees, got {gaps.max():g} in {list(angles)}"
+                + ("; are these radians? degrees are expected" if np.abs(angles).max() <= 2.0 * math.pi else "")
             )
         return angles
 
@@ -169,6 +182,35 @@ class RobotSpec(FileModel):
     segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
     tip: Tip = Tip()
     body: Body = Body()
+
+    @model_validator(mode="after")
+    def _check_cross_sections(self) -> RobotSpec:
+        """Refuses a robot whose parts would stand in one another: backbone, tendons and the disks that they pass."""
+        for index, (segment, backbone) in enumerate(zip(self.segments, self.segment_backbones, strict=True)):
+            name = f"segments[{index + 1}]"
+            if backbone.radius_m >= segment.disk_radius_m:
+                raise ValueError(
+                    f"{name}: the backbone's radius_m must be below disk_radius_m = {segment.disk_radius_m:g}, got "
+                    f"{backbone.radius_m:g}: a backbone is narrower than its disks; is it in mm?"
+                )
+            for other, passing in enumerate(self.segments[index:], index):
+                tendons, circle = f"segments[{other + 1}].tendon_circle_radius_m", passing.tendon_circle_radius_m
+                if circle <= backbone.radius_m:
+                    raise ValueError(
+                        f"{tendons} must be above the backbone's radius_m = {backbone.radius_m:g} in {name}, got "
+                        f"{circle:g}: tendons run outside of the backbone"
+                    )
+                if circle >= segment.disk_radius_m:
+                    raise ValueError(
+                        f"{tendons} must be below disk_radius_m = {segment.disk_radius_m:g} of {name}, got {circle:g}: "
+                        "tendons pass the disks of all segments before their own"
+                    )
+            if self.body.tendon_radius_m >= segment.tendon_circle_radius_m:
+                raise ValueError(
+                    f"body.tendon_radius_m must be below tendon_circle_radius_m = {segment.tendon_circle_radius_m:g} "
+                    f"of {name}, got {self.body.tendon_radius_m:g}: a tendon does not reach the backbone's axis"
+                )
+        return self
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> RobotSpec:  # noqa: ARG002
         """Returns a copy with some fields replaced, checked anew.
@@ -361,9 +403,9 @@ class RobotSpec(FileModel):
     def check_tensions(self, tensions: ArrayLike) -> FloatArray:
         """Returns tensions as shape (n, t), N, or raises InputError: one row a case, none negative, all finite.
 
-        Tension limits are not checked here: the statics are valid beyond them.
+        Negative by rounding counts as 0. Tension limits are not checked here: the statics are valid beyond them.
         """
-        array = check_array("tensions", tensions, (None, self.tendon_count))
+        array = snap(check_array("tensions", tensions, (None, self.tendon_count)), 0.0, self.max_tensions)
         if (array < 0.0).any():
             row, column = (int(i) for i in np.argwhere(array < 0.0)[0])
             raise InputError(
@@ -377,7 +419,18 @@ class RobotSpec(FileModel):
 def load_robot(path: str | Path) -> RobotSpec:
     """Returns the robot that a TOML file describes.
 
+    What no real robot has, as a value in the wrong unit does, is warned of; see `plausibility.doubts`.
+
     Raises:
         FormatError: The file is missing or not a robot; every fault is named with its key and what would be valid.
     """
-    return parse_table(RobotSpec, read_toml(path), path)
+    robot = parse_table(RobotSpec, read_toml(path), path)
+    for doubt in doubts(robot):
+        _warn_once(f"{path}: {doubt}")
+    return robot
+
+
+@cache
+def _warn_once(text: str) -> None:
+    """Logs a warning that this process has not seen yet: a robot's file is read once a query."""
+    logger.warning(text)

@@ -8,15 +8,13 @@ import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.scene import CollisionScene
+from tdcr_planner.limits import at_most
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import transform_points
 from tdcr_planner.statics.solver import RodSolution, solve_statics
 from tdcr_planner.statics.strain import largest_bending_strain
 from tdcr_planner.statics.tendons import tendon_displacements
-
-# Tensions are sums of products of float64 numbers near 1 N.
-TENSION_ROUNDING_N = 1e-9
 
 
 @dataclass(frozen=True)
@@ -26,7 +24,7 @@ class SolvedStates:
     Attributes:
         rows: Configurations, shape (k, dimension).
         tensions: Shape (k, t), N.
-        displacements: Tendon pulled out at the base against the straight robot, shape (k, t), m.
+        displacements: Tendon pulled out at the base against the unloaded robot, shape (k, t), m.
         converged: Shape (k,).
         stable: Shape (k,).
         residual: Shape (k,), N m.
@@ -72,14 +70,14 @@ class SolvedStates:
 
     def in_limits(self, robot: RobotSpec) -> BoolArray:
         """Returns which states keep the robot's limits on tension, tendon displacement and strain, shape (k,)."""
-        within = (self.tensions <= robot.max_tensions + TENSION_ROUNDING_N).all(axis=1)
+        within = at_most(self.tensions, robot.max_tensions).all(axis=1)
         for index, segment in enumerate(robot.segments):
             if segment.max_tendon_displacement_m is not None:
                 columns = robot.tendon_segments == index
-                within &= (np.abs(self.displacements[:, columns]) <= segment.max_tendon_displacement_m).all(axis=1)
+                within &= at_most(np.abs(self.displacements[:, columns]), segment.max_tendon_displacement_m).all(axis=1)
         for index, backbone in enumerate(robot.segment_backbones):
             if backbone.max_strain is not None:
-                within &= self.strain[:, index] <= backbone.max_strain
+                within &= at_most(self.strain[:, index], backbone.max_strain)
         return np.asarray(within, dtype=np.bool_)
 
 

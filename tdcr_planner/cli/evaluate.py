@@ -24,7 +24,8 @@ def evaluate(
 
     Example: tdcr evaluate models/shape/inspection/model.pt --samples 20000 --out out/inspection
 
-    Exit code 1 says that fresh cases exceed the model's error bound more often than it promises.
+    Says too whether the model is fit for planning with its robot, as `tdcr train` does. Exit code 1 says that fresh
+    cases exceed the model's error bound more often than it promises.
 
     Args:
         model: Model file.
@@ -39,6 +40,7 @@ def evaluate(
     from tdcr_planner.cli.progress import StageBar
     from tdcr_planner.files import check_folder
     from tdcr_planner.learning.evaluate import evaluate_model
+    from tdcr_planner.learning.fitness import judge_fitness
     from tdcr_planner.report.model_plots import draw_evaluation
     from tdcr_planner.shape.learned import load_shape_model
 
@@ -50,7 +52,8 @@ def evaluate(
     tell_cost("--samples", 4 * samples * REFERENCE_S, 2 * samples * loaded.robot.disk_count * SHAPE_BYTES)
     with StageBar(shown=progress) as bar:
         evaluation = evaluate_model(loaded, samples, seed=seed, progress=bar.update)
-    text = describe(loaded, evaluation)
+        fitness = judge_fitness(loaded, seed=seed, progress=bar.update)
+    text = f"{describe(loaded, evaluation)}\n\n{fitness.describe()}"
     print(text, flush=True)
     if out is not None:
         _write(loaded, evaluation, text, out)

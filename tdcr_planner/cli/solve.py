@@ -41,6 +41,7 @@ def solve(
     import numpy as np
 
     from tdcr_planner.files import check_file_target, write_file_whole
+    from tdcr_planner.limits import at_most
     from tdcr_planner.robot import load_robot
     from tdcr_planner.statics.solver import solve_statics
 
@@ -51,7 +52,7 @@ def solve(
     spec = load_robot(robot)
     bending = parse_vector("--bending-n", bending_n, 2 * spec.segment_count).reshape(1, -1, 2)
     tensions = spec.tensions_from_bending(bending)
-    if (tensions > spec.max_tensions).any():
+    if not at_most(tensions, spec.max_tensions).all():
         tendon = int(np.argmax(tensions[0] - spec.max_tensions))
         raise InputError(
             "--bending-n",

@@ -26,6 +26,9 @@ def train(
     TorchScript file. A run that was stopped goes on where it was when the same command is given again. With
     measured shapes in the configuration, the robot they describe is written beside the model.
 
+    It ends with a verdict: whether the model is fit for planning, its error bound being small against the robot's
+    disks. Exit code 1 says that it is not, and what to blame; the model file is written all the same.
+
     The cases are the same, up to rounding, wherever they are solved: in this process, by --jobs processes, or by the
     workers of a Dask cluster, of which some may die on the way.
 
@@ -43,16 +46,22 @@ def train(
     from tdcr_planner.cli.progress import StageBar
     from tdcr_planner.files import check_file_target
     from tdcr_planner.learning.checkpoint import checkpoint_path
+    from tdcr_planner.learning.fitness import judge_fitness
     from tdcr_planner.learning.fitting import train_on_measured
+    from tdcr_planner.learning.loads import check_domain, tip_motion
     from tdcr_planner.learning.settings import load_train_settings
     from tdcr_planner.learning.train import train_model
     from tdcr_planner.robot import load_robot
+    from tdcr_planner.shape.learned import load_shape_model
     from tdcr_planner.workers import ALLOWED_LOSSES
 
     backend = choose_backend(jobs, scheduler, losses=ALLOWED_LOSSES)
     check_file_target(out)
     check_file_target(checkpoint_path(out))
     spec, settings = load_robot(robot), load_train_settings(config)
+    domain = settings.domain.for_robot(spec)
+    check_domain(spec, domain)
+    print(tip_motion(spec, domain).describe(spec, domain), flush=True)
     seconds, memory = training_cost(spec, settings)
     tell_cost("training", seconds, memory)
     with StageBar(shown=progress) as bar:
@@ -67,6 +76,13 @@ def train(
             state = f"{kept} is kept, the same command goes on from there" if kept.exists() else "no epoch was finished"
             print(f"interrupted: {state}; {out} is as it was", file=sys.stderr)
             return 1
+        try:
+            fitness = judge_fitness(load_shape_model(out), threads=settings.dataset.threads, progress=bar.update)
+        except KeyboardInterrupt:
+            bar.close()
+            print(f"interrupted before the verdict: {out} is written", file=sys.stderr)
+            return 1
     print(card.describe())
     print(f"file: {out}")
-    return 0
+    print(fitness.describe())
+    return 0 if fitness.fit else 1

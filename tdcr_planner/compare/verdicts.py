@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.collision.scene import Verdict
+from tdcr_planner.limits import at_most
 from tdcr_planner.planning.scenario import Scenario, Validity
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import Codes, Shapes, ValidityChecker
 from tdcr_planner.session import PlanningSession
-
-_TENSION_ROUNDING_N = 1e-9
 
 
 @dataclass(frozen=True)
@@ -107,12 +106,11 @@ def sample_configurations(space: ConfigurationSpace, count: int, seed: int) -> t
         Rows, shape (count, dimension), and how many draws it took.
     """
     generator = np.random.default_rng(seed)
-    limits = space.robot.max_tensions + _TENSION_ROUNDING_N
     found: list[FloatArray] = []
     drawn, missing = 0, count
     while missing:
         batch = generator.uniform(space.lower, space.upper, (1000, space.dimension))
-        within = np.flatnonzero((space.actuate(batch).tensions <= limits).all(axis=1))
+        within = np.flatnonzero(at_most(space.actuate(batch).tensions, space.robot.max_tensions).all(axis=1))
         if len(within) >= missing:
             within = within[:missing]
             drawn += int(within[-1]) + 1

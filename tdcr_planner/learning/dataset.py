@@ -11,6 +11,7 @@ import numpy as np
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.errors import InputError
+from tdcr_planner.learning.limit_use import LimitUse
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import Domain
 from tdcr_planner.statics.solver import SolverSettings, solve_statics
@@ -22,6 +23,8 @@ Progress = Callable[[str, int, int, str], None]
 
 # Cases a job: some 0.1 s of work, and results of a few MB.
 _BLOCK = 1024
+# How often tensions beyond the robot's own limits are drawn again before they are scaled down.
+_REDRAWS = 8
 
 
 def no_progress(stage: str, done: int, total: int, remark: str) -> None:
@@ -59,7 +62,8 @@ class SolvedCases:
         base_moment: Shape (n, 3), N m, base frame.
         positions: Shape (n, d, 3), m, base frame.
         rotations: Shape (n, d, 3, 3).
-        asked: How many cases were drawn; those without a stable equilibrium on the branch from rest are left out.
+        asked: How many cases were drawn; left out are those without a stable equilibrium on the branch from rest, and
+            those beyond the robot's own limits on strain and tendon displacement.
     """
 
     cases: Cases
@@ -75,16 +79,48 @@ def draw_cases(robot: RobotSpec, domain: Domain, sample: Sample, count: int, gen
     "uniform": every tension uniform up to its limit; gravity and tip force uniform in direction and size.
     "planner": in each segment two neighbouring tendons uniform above the pretension and the others at it, which are
     the tensions of least sum for their bending vector; gravity at its limit in any direction; half without tip force.
+    In both, tensions that bend the unloaded robot beyond its own limits on strain or tendon displacement are drawn
+    again.
     """
     if count < 1:
         raise InputError("count", "1 or more", count)
-    limits = np.asarray(domain.max_tension_n)
-    tensions = generator.uniform(0.0, 1.0, (count, robot.tendon_count)) * limits
+    tensions = _draw_tensions(robot, domain, sample, count, generator)
     gravity = domain.gravity_m_s2 * _directions(count, generator)
     tip_force = domain.tip_force_n * generator.uniform(0.0, 1.0, (count, 1)) * _directions(count, generator)
     if sample == "uniform":
         return Cases(tensions, gravity * generator.uniform(0.0, 1.0, (count, 1)), tip_force)
     tip_force[generator.uniform(size=count) < 0.5] = 0.0
+    return Cases(tensions, gravity, tip_force)
+
+
+def _draw_tensions(
+    robot: RobotSpec, domain: Domain, sample: Sample, count: int, generator: np.random.Generator
+) -> FloatArray:
+    """Returns tensions of a sample that the robot's own limits allow, shape (count, t), N."""
+    tensions = _draw_any_tensions(robot, domain, sample, count, generator)
+    use = LimitUse(robot)
+    if not use.any:
+        return tensions
+    for _ in range(_REDRAWS):
+        beyond = np.flatnonzero(use.largest(tensions) > 1.0)
+        if not len(beyond):
+            return tensions
+        tensions[beyond] = _draw_any_tensions(robot, domain, sample, len(beyond), generator)
+    # Where the limits leave little of the domain, what is still beyond is scaled down to somewhere within them.
+    largest = use.largest(tensions)
+    beyond = np.flatnonzero(largest > 1.0)
+    tensions[beyond] *= (generator.uniform(0.0, 1.0, len(beyond)) / largest[beyond])[:, None]
+    return tensions
+
+
+def _draw_any_tensions(
+    robot: RobotSpec, domain: Domain, sample: Sample, count: int, generator: np.random.Generator
+) -> FloatArray:
+    """Returns tensions of a sample up to the domain's limits, shape (count, t), N."""
+    limits = np.asarray(domain.max_tension_n)
+    tensions = generator.uniform(0.0, 1.0, (count, robot.tendon_count)) * limits
+    if sample == "uniform":
+        return tensions
     rows = np.arange(count)
     pretension = np.minimum(robot.pretensions, limits)
     pulled = np.zeros((count, robot.tendon_count), dtype=np.bool_)
@@ -94,8 +130,7 @@ def draw_cases(robot: RobotSpec, domain: Domain, sample: Sample, count: int, gen
         first = generator.integers(0, len(order), count)
         pulled[rows, order[first]] = True
         pulled[rows, order[(first + 1) % len(order)]] = True
-    tensions = pretension + np.where(pulled, tensions / limits * (limits - pretension), 0.0)
-    return Cases(tensions, gravity, tip_force)
+    return np.asarray(pretension + np.where(pulled, tensions / limits * (limits - pretension), 0.0))
 
 
 def draw_mixture(
@@ -124,7 +159,7 @@ def solve_cases(
     progress: Progress = no_progress,
     stage: str = "reference",
 ) -> SolvedCases:
-    """Returns the cases that have a stable equilibrium, with what the reference says about them.
+    """Returns the cases that have a stable equilibrium within the robot's limits, as the reference has them.
 
     The cases are solved in numbered blocks and put together in the order of the numbers. A case's solution depends on
     nothing but the case, so the result is the same, up to the rounding of their processors, whichever workers solved
@@ -139,7 +174,7 @@ def solve_cases(
         stage: What to call this in the progress.
 
     Raises:
-        InputError: Not one case has a stable equilibrium: the loads are beyond what this robot carries.
+        InputError: Not one case has a stable equilibrium within the robot's limits.
         WorkersError: The workers are gone, or a block failed on each worker that had it.
     """
     starts = range(0, len(cases), _BLOCK)
@@ -163,7 +198,8 @@ def solve_cases(
         raise InputError(
             "domain",
             "loads that the robot carries",
-            f"no stable equilibrium in {len(cases)} cases of robot {robot.name!r}",
+            f"no stable equilibrium within max_strain and max_tendon_displacement_m in {len(cases)} cases of robot "
+            f"{robot.name!r}",
         )
     return SolvedCases(
         cases.take(rows),
@@ -188,7 +224,7 @@ class _Answer:
     """What the reference says about a block.
 
     Attributes:
-        rows: Which of its cases have a stable equilibrium, shape (k,).
+        rows: Which of its cases have a stable equilibrium within the robot's limits, shape (k,).
         base_moment: Shape (k, 3), N m.
         positions: Shape (k, d, 3), m.
         rotations: Shape (k, d, 3, 3).
@@ -209,7 +245,10 @@ def _solve_block(block: _Block) -> _Answer:
         tip_force=cases.tip_force,
         settings=SolverSettings(threads=block.threads),
     )
-    rows = np.flatnonzero(solution.converged & solution.stable)
+    usable = solution.converged & solution.stable
+    if LimitUse(block.robot).any:
+        usable &= LimitUse.kept(block.robot, solution)
+    rows = np.flatnonzero(usable)
     return _Answer(rows, solution.base_moment[rows], solution.positions[rows], solution.rotations[rows])
 
 

@@ -46,7 +46,7 @@ def train_paper_network(
         InputError: The robot or the domain is not the paper's.
         FormatError: The checkpoint belongs to another robot or other settings.
     """
-    paper, domain = settings.paper, settings.domain
+    paper, domain = settings.paper, settings.domain.for_robot(robot)
     if domain.tip_force_n > 0.0 or domain.gravity_m_s2 > 0.0:
         raise InputError(
             "domain",

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
 from tdcr_planner.bounds import CASES, EPOCHS, GRID, LEARNING_RATE, POINTS, PROCESSES, SEED
 from tdcr_planner.files import FileModel, NotNegative, Positive, parse_table, read_toml
+from tdcr_planner.learning.loads import tip_compliance
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import Domain
 from tdcr_planner.shape.shooting import MOST_CORRECTIONS, MOST_LAYERS, MOST_WIDTH
@@ -26,25 +27,45 @@ CONFIDENCE = 0.99
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
+TIP_DEFLECTION = 0.1
+"""Part of the robot's length by which the largest tip force moves the unactuated tip, where nothing else is said."""
+
+
 class DomainSettings(FileModel):
     """The inputs that the model shall answer for.
 
     Attributes:
         tension_share: Part of each tendon's limit up to which the model is trained, above 0 to 1.
-        gravity_m_s2: Largest gravity, in any direction.
-        tip_force_n: Largest tip force, in any direction.
+        gravity_m_s2: Largest gravity, in any direction; the default is the Earth's, at most 9.832, rounded up.
+        tip_force_n: Largest tip force, in any direction; None for what `tip_deflection` says.
+        tip_deflection: Part of the robot's length by which the largest tip force moves the unactuated tip, by the
+            linear theory; None for `TIP_DEFLECTION`. Only without tip_force_n.
     """
 
     tension_share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    gravity_m_s2: NotNegative = 9.81
-    tip_force_n: NotNegative = 0.05
+    gravity_m_s2: NotNegative = 10.0
+    tip_force_n: NotNegative | None = None
+    tip_deflection: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
+
+    @model_validator(mode="after")
+    def _check_tip_force(self) -> DomainSettings:
+        if self.tip_force_n is not None and self.tip_deflection is not None:
+            raise ValueError("expected tip_force_n or tip_deflection, got both")
+        return self
+
+    def tip_force(self, robot: RobotSpec) -> float:
+        """Returns the largest tip force for a robot, N, to two digits where it follows from the robot."""
+        if self.tip_force_n is not None:
+            return self.tip_force_n
+        deflection = TIP_DEFLECTION if self.tip_deflection is None else self.tip_deflection
+        return float(f"{deflection * robot.length / tip_compliance(robot):.1e}")
 
     def for_robot(self, robot: RobotSpec) -> Domain:
-        """Returns the domain for a robot's tension limits."""
+        """Returns the domain for a robot's tension limits and stiffness."""
         return Domain(
             max_tension_n=tuple(float(limit) for limit in self.tension_share * robot.max_tensions),
             gravity_m_s2=self.gravity_m_s2,
-            tip_force_n=self.tip_force_n,
+            tip_force_n=self.tip_force(robot),
         )
 
 
@@ -69,11 +90,11 @@ class ShootingSettings(FileModel):
 
     Attributes:
         hidden: Width of each hidden layer.
-        corrections: Number of learned Newton steps.
+        corrections: Number of learned Newton steps; None for one a segment, up to `DEFAULT_CORRECTIONS`.
     """
 
     hidden: Hidden = (64, 64, 64)
-    corrections: Annotated[int, Field(ge=0, le=MOST_CORRECTIONS)] = 1
+    corrections: Annotated[int, Field(ge=0, le=MOST_CORRECTIONS)] | None = None
 
 
 class OptimiserSettings(FileModel):
@@ -92,6 +113,10 @@ class OptimiserSettings(FileModel):
     learning_rate: LearningRate = 4e-3
     warm_up: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.15
     weight_decay: NotNegative = 1e-6
+
+
+DEFAULT_CORRECTIONS = 3
+"""Learned Newton steps of a robot of three segments or more, where nothing else is said; one a segment below."""
 
 
 class LossSettings(FileModel):
@@ -311,6 +336,24 @@ class TrainSettings(FileModel):
         if (self.measured is None) != (self.loss.measured == 0.0):
             raise ValueError("expected both a table [measured] and loss.measured above 0, or neither")
         return self
+
+    def for_robot(self, robot: RobotSpec) -> TrainSettings:
+        """Returns the settings with all that they leave to the robot filled in.
+
+        The tip force follows from the robot's stiffness and length. With each segment the base moment depends on three
+        more inputs, and the network's first guess gets worse; one learned Newton step a segment makes up for it, see
+        docs/learning.md for the measurements.
+        """
+        corrections = self.shooting.corrections
+        if corrections is None:
+            corrections = min(robot.segment_count, DEFAULT_CORRECTIONS)
+        domain = {"tip_force_n": self.domain.tip_force(robot), "tip_deflection": None}
+        return self.model_copy(
+            update={
+                "domain": self.domain.model_copy(update=domain),
+                "shooting": self.shooting.model_copy(update={"corrections": corrections}),
+            }
+        )
 
     def resolve(self, path: Path) -> Path:
         """Returns a path of this file as seen from where the program runs: relative ones start at the file's folder."""

@@ -91,6 +91,7 @@ def train_model(
         FormatError: A file cannot be written, or the checkpoint belongs to another robot or other settings.
         WorkersError: The backend's workers are gone.
     """
+    settings = settings.for_robot(robot)
     check_domain(robot, settings.domain.for_robot(robot))
     if settings.network == "paper":
         from tdcr_planner.learning.paper import train_paper_network
@@ -120,11 +121,11 @@ def train_shooting_network(
     backend: Backend | None = None,
 ) -> ShootingNetwork:
     """Returns the `shooting` network of the best epoch; see `train_model`."""
-    domain = settings.domain
+    settings = settings.for_robot(robot)
+    domain, shooting, epochs = settings.domain.for_robot(robot), settings.shooting, settings.optimiser.epochs
+    assert shooting.corrections is not None  # for_robot has filled it in
     torch.manual_seed(settings.seed)
-    network = ShootingNetwork(
-        robot, settings.shooting.hidden, settings.shooting.corrections, domain.gravity_m_s2, domain.tip_force_n
-    )
+    network = ShootingNetwork(robot, shooting.hidden, shooting.corrections, domain.gravity_m_s2, domain.tip_force_n)
     if settings.measured is not None and settings.measured.start_from is not None:
         _copy_weights(settings.resolve(settings.measured.start_from), network)
     run = _Run(robot, settings, network, prepare_data(robot, settings, progress, backend))
@@ -134,11 +135,11 @@ def train_shooting_network(
     if state is not None:
         run.restore(state)
     with TrainingLog(log_folder) as log:
-        while run.epoch < settings.optimiser.epochs:
+        while run.epoch < epochs:
             loss = run.train_epoch()
             score = run.validate()
             save_checkpoint(path, *keys, run.state())
-            progress("training", run.epoch, settings.optimiser.epochs, f"loss {loss:.2e}, residual {score:.2e} N m")
+            progress("training", run.epoch, epochs, f"loss {loss:.2e}, residual {score:.2e} N m")
             log.add(run.epoch, {"loss": loss, "validation/residual_nm": score})
     network.load_state_dict(run.best_weights)
     return network.cpu()
@@ -148,6 +149,7 @@ def prepare_data(
     robot: RobotSpec, settings: TrainSettings, progress: Progress = no_progress, backend: Backend | None = None
 ) -> TrainingData:
     """Returns the inputs of a training, and the reference's answers where the loss asks for them."""
+    settings = settings.for_robot(robot)
     dataset, domain = settings.dataset, settings.domain.for_robot(robot)
     share = dataset.planner_share
     cases = draw_mixture(robot, domain, share, dataset.cases, _generator(settings, _TRAINING))
@@ -174,6 +176,7 @@ def judge_model(
     backend: Backend | None = None,
 ) -> ModelCard:
     """Returns the card of a trained model: its errors and its bound, each on cases that nothing else has seen."""
+    settings = settings.for_robot(robot)
     domain = settings.domain.for_robot(robot)
     samples: dict[tuple[int, Sample], SolvedCases] = {}
     kinds: tuple[Sample, ...] = ("uniform", "planner")

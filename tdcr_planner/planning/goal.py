@@ -166,6 +166,11 @@ class TipGoal:
         if self.reached or not self.rounds:
             return ""
         residual, tip = self.nearest
+        if not np.isfinite(tip).all():
+            return (
+                "no shape was found for any configuration (statics): is the robot's stiffness right, and are gravity "
+                "and tip force loads that it carries?"
+            )
         distance = float(np.linalg.norm(tip - self._target))
         angle = np.rad2deg(2.0 * np.arcsin(min(1.0, np.linalg.norm(residual[3:]) * self._chord / 2.0)))
         place = ", ".join(f"{value:.4f}" for value in tip)

@@ -40,8 +40,8 @@ class ActuationTables(NamedTuple):
     tip_force: FloatArray
 
 
-def actuation_tables(space: ConfigurationSpace, tolerance: float) -> ActuationTables:
-    """Returns the tables of a configuration space; tolerance, N, is added to the tension limits."""
+def actuation_tables(space: ConfigurationSpace, tolerance: float | FloatArray) -> ActuationTables:
+    """Returns the tables of a configuration space; tolerance, N, shape () or (t,), is added to the limits."""
     robot = space.robot
     segments, tendons, inverses = [], [], []
     for index in range(robot.segment_count):

@@ -7,9 +7,8 @@ import re
 from typing import Any
 
 import numpy as np
-from ompl import geometric as og
 
-from tdcr_planner.errors import InputError, UnknownNameError
+from tdcr_planner.errors import InputError, MissingLibraryError, UnknownNameError
 
 PLANNERS: tuple[str, ...] = (
     "RRTConnect",
@@ -34,6 +33,16 @@ REFUSED: dict[str, str] = {
     ),
 }
 _NOT_PARAMETERS = {"setName"}
+
+
+def require_ompl() -> None:
+    """Raises MissingLibraryError where OMPL is not installed, as on systems for which it has no wheels."""
+    try:
+        import ompl  # noqa: F401
+    except ImportError as error:
+        raise MissingLibraryError(
+            "ompl", "to search paths", "Linux (x86_64, arm64) and macOS 15 or newer (arm64), Python 3.11 to 3.13"
+        ) from error
 
 
 def planner_parameters(name: str) -> dict[str, type]:
@@ -65,8 +74,11 @@ def planner_setters(name: str) -> dict[str, tuple[str, type]]:
 
     Types come from the signatures that the binding writes into docstrings: a getter called before `setup` can crash.
     """
+    require_ompl()
+    from ompl import geometric
+
     found = {}
-    for setter, method in inspect.getmembers(getattr(og, name)):
+    for setter, method in inspect.getmembers(getattr(geometric, name)):
         signature = re.match(r"set[A-Z]\w*\(self, \w+: (bool|int|float)\)", method.__doc__ or "")
         if signature and setter not in _NOT_PARAMETERS:
             key = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", setter[3:]).lower()

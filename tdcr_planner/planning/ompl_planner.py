@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
@@ -14,13 +16,16 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import ConfigurationGoal, GoalSource, TipGoal
 from tdcr_planner.planning.objectives import PathCost
-from tdcr_planner.planning.offered import PLANNERS, REFUSED, check_planner, planner_parameters
-from tdcr_planner.planning.ompl_run import PlannerRun, Progress
+from tdcr_planner.planning.offered import PLANNERS, REFUSED, check_planner, planner_parameters, require_ompl
 from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.smoothing import shorten
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.tour import best_order
 from tdcr_planner.planning.validity import ValidityChecker, rejections
+
+with contextlib.suppress(ModuleNotFoundError):
+    # What does not search, as verification, works where OMPL cannot be installed; `require_ompl` says so to a search.
+    from tdcr_planner.planning.ompl_run import PlannerRun
 
 __all__ = [
     "PLANNERS",
@@ -33,6 +38,9 @@ __all__ = [
     "planner_parameters",
     "search",
 ]
+
+Progress = Callable[[float, str], None]
+"""Called with the completed fraction of the time limit and a message."""
 
 # Part of a leg's time that planners which improve their path until the end leave to shortening, and its most.
 _SHORTENING_SHARE = 0.1
@@ -189,6 +197,7 @@ class _Query:
         if now >= self.deadline:
             return None
         share = (self.deadline - now) / (len(self.sources) - leg)
+        require_ompl()
         run = PlannerRun(
             checker=self.checker,
             edges=self.edges,

@@ -23,6 +23,7 @@ from tdcr_planner.files import (
     real_path,
     sha256_of_file,
 )
+from tdcr_planner.limits import snap
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
 
@@ -39,6 +40,12 @@ Angle = Annotated[float, AfterValidator(ANGLE_DEG.validate)]
 Load = Annotated[float, AfterValidator(LOAD.validate)]
 Loads = tuple[Load, Load, Load]
 Length = Annotated[Positive, AfterValidator(PLACE_M.validate)]
+
+# Lengths that a scenario leaves open, in radii of the robot's thinnest disk: 2 mm, 0.5 mm and 2 mm for disks of 20 mm.
+STEP_IN_RADII = 0.2
+CLEARANCE_IN_RADII = 0.05
+TOLERANCE_IN_RADII = 0.2
+SHORTEST_STEP_M, LONGEST_STEP_M = 1e-5, 0.1
 
 
 def _check_rows(value: Any) -> Any:
@@ -137,7 +144,7 @@ class Goal(FileModel):
         insertion_m: Insertion of a goal configuration.
         roll_deg: Roll of a goal configuration.
         tip_position_m: Goal of the last disk's centre, world frame.
-        tip_tolerance_m: Largest distance from it.
+        tip_tolerance_m: Largest distance from it; by default a fifth of the robot's smallest disk radius.
         view_direction: Direction of the tip's z axis, world frame; None for any.
         view_tolerance_deg: Largest angle from it.
     """
@@ -191,8 +198,10 @@ class PlannerSettings(FileModel):
         name: Planner by its OMPL name.
         time_limit_s: Time for search, verification and repair together.
         seed: Seed of the search, above 0.
-        step_m: No point of the body moves farther between two checked states.
-        clearance_m: Distance kept from every surface on top of the model's error bound.
+        step_m: No point of the body moves farther between two checked states; in a scenario that does not state it, a
+            fifth of the robot's smallest disk radius.
+        clearance_m: Distance kept from every surface on top of the model's error bound; in a scenario that does not
+            state it, a twentieth of the robot's smallest disk radius.
         validity: The shape model that the search asks.
         parameters: The planner's own OMPL parameters by name.
         objective: What an optimising planner minimises.
@@ -201,7 +210,7 @@ class PlannerSettings(FileModel):
     name: str = "RRTConnect"
     time_limit_s: Annotated[float, AfterValidator(TIME_S.validate)] = 10.0
     seed: Annotated[int, AfterValidator(SEARCH_SEED.validate)] = 1
-    step_m: Annotated[float, Field(ge=1e-5, le=0.1)] = 0.002
+    step_m: Annotated[float, Field(ge=SHORTEST_STEP_M, le=LONGEST_STEP_M)] = 0.002
     clearance_m: Annotated[NotNegative, AfterValidator(PLACE_M.validate)] = 0.0005
     validity: Validity = "learned"
     parameters: dict[str, str | float | int | bool] = {}
@@ -337,13 +346,40 @@ def load_scenario(path: str | Path) -> Scenario:
     file = real_path(path)
     content = parse_table(ScenarioFile, read_toml(path), path)
     robot = load_robot(find_named_file(file.parent / content.robot, path, "robot"))
-    scenario = Scenario(file, sha256_of_file(file), content, robot)
+    scenario = Scenario(file, sha256_of_file(file), _sized_for(robot, content), robot)
     _check_against_robot(scenario)
     for index, mesh in enumerate(content.meshes):
         find_named_file(file.parent / mesh.file, path, f"meshes[{index + 1}].file")
     if content.shape_model is not None:
         find_named_file(file.parent / content.shape_model, path, "shape_model", "; `tdcr train` makes one")
     return scenario
+
+
+def _sized_for(robot: RobotSpec, content: ScenarioFile) -> ScenarioFile:
+    """Returns a scenario's content with the lengths that it leaves open sized for its robot.
+
+    What counts is how the lengths compare with the robot's thinnest disk: what is fine for a robot of 20 mm is most of
+    the lumen for one of 3 mm.
+    """
+    radius = min(segment.disk_radius_m for segment in robot.segments)
+    lengths = {
+        "step_m": min(max(STEP_IN_RADII * radius, SHORTEST_STEP_M), LONGEST_STEP_M),
+        "clearance_m": CLEARANCE_IN_RADII * radius,
+    }
+    open_lengths = {key: value for key, value in lengths.items() if key not in content.planner.model_fields_set}
+
+    def sized(goal: Goal) -> Goal:
+        if goal.tip_position_m is None or "tip_tolerance_m" in goal.model_fields_set:
+            return goal
+        return goal.model_copy(update={"tip_tolerance_m": TOLERANCE_IN_RADII * radius})
+
+    return content.model_copy(
+        update={
+            "planner": content.planner.model_copy(update=open_lengths),
+            "goal": None if content.goal is None else sized(content.goal),
+            "goals": None if content.goals is None else tuple(sized(goal) for goal in content.goals),
+        }
+    )
 
 
 def _check_travel(scenario: Scenario) -> None:
@@ -379,6 +415,6 @@ def _check_against_robot(scenario: Scenario) -> None:
             )
         for key, value, allowed in (("insertion_m", insertion, base.insertion_m), ("roll_deg", roll, base.roll_deg)):
             low, high = allowed if allowed is not None else (0.0, 0.0)
-            if not low <= value <= high:
+            if not low <= snap(value, low, high) <= high:
                 reason = f"the range of [base] {key} is [{low}, {high}]" if allowed else f"[base] has no {key} range"
                 raise FormatError(scenario.path, f"got {value}, but {reason}", f"{place}.{key}")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.limits import snap
 from tdcr_planner.planning.scenario import Bending, Scenario
 from tdcr_planner.se3 import rotation_about_z
 
@@ -79,13 +80,16 @@ class ConfigurationSpace:
         return bounds
 
     def row(self, bending: Bending, insertion_m: float = 0.0, roll_deg: float = 0.0) -> FloatArray:
-        """Returns the row, shape (dimension,), of a configuration as the scenario file writes it."""
+        """Returns the row, shape (dimension,), of a configuration as the scenario file writes it.
+
+        What lies within rounding of the end of its range is moved onto it.
+        """
         values = [component for vector in bending for component in vector]
         if self.has_insertion:
             values.append(insertion_m)
         if self.has_roll:
             values.append(float(np.deg2rad(roll_deg)))
-        return np.array(values, dtype=np.float64)
+        return snap(values, self.lower, self.upper)
 
     def bending(self, rows: FloatArray) -> FloatArray:
         """Returns the bending vectors of rows (n, dimension), shape (n, segments, 2), N."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.limits import ROUNDING, at_most
 from tdcr_planner.planning.kernels import actuate, actuation_tables, gap_curvatures, to_world
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
@@ -19,7 +20,6 @@ from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.base import ShapeModel
 
 Codes = NDArray[np.int8]
-_TENSION_TOLERANCE_N = 1e-9  # rounding of the bending map, far below what a tendon drive resolves
 
 
 class Cause(StrEnum):
@@ -107,7 +107,7 @@ class ValidityChecker:
         self.states_checked = 0
         self.rejected: dict[Cause, int] = dict.fromkeys(CAUSES, 0)
         self._ruled_out: list[tuple[FloatArray, float]] = []
-        self._tables = actuation_tables(space, _TENSION_TOLERANCE_N)
+        self._tables = actuation_tables(space, ROUNDING * self.robot.max_tensions)
         self._limits = RobotLimits(self.robot)
         self._always_in_domain = self._domain_holds_everywhere()
         self._disk_poses = getattr(model, "disk_poses_unchecked", None) or _checked_poses(model)
@@ -277,9 +277,9 @@ class RobotLimits:
             ]
         )
         backbones = [robot.segment_backbones[index] for index in robot.disk_segments[1:]]
-        self._max_curvature = np.array(
-            [np.inf if rod.max_strain is None else rod.max_strain / rod.radius_m for rod in backbones]
-        )
+        self._radii = np.array([rod.radius_m for rod in backbones])
+        self._max_strain = np.array([np.inf if rod.max_strain is None else rod.max_strain for rod in backbones])
+        self._rest_curvature = np.array([rod.rest_curvature_1_m for rod in backbones])
         self._offsets = robot.tendon_offsets
         present = robot.tendon_segments[:, None] >= robot.disk_segments[None, 1:]
         self._present = present * self._spacing
@@ -291,15 +291,15 @@ class RobotLimits:
             ]
         )
         self._axial_compliance = np.array([1.0 / rod.stiffness_shear_extension[2] for rod in backbones])
-        self.any = bool(np.isfinite(self._displacement).any() or np.isfinite(self._max_curvature).any())
+        self.any = bool(np.isfinite(self._displacement).any() or np.isfinite(self._max_strain).any())
 
     def tendon_displacements(self, tensions: FloatArray, rotations: FloatArray) -> FloatArray:
-        """Returns how far each tendon is pulled out at the base against the straight unloaded robot.
+        """Returns how far each tendon is pulled out at the base against the unloaded robot at rest.
 
         A tendon at constant offset r from a backbone of curvature u and axial strain e has the length
         integral of 1 + e + (u x r)_z (Rucker and Webster 2011, tendon kinematics, to first order in the angle between
         tendon and backbone); u is the mean between disks, e the tendons' compression, and the tendon's own stretch
-        adds.
+        adds. At rest u is the backbone's u*, so that u - u* is what displaces.
 
         Args:
             tensions: Shape (n, t), N.
@@ -308,7 +308,7 @@ class RobotLimits:
         Returns:
             Shape (n, t), m.
         """
-        curvature = gap_curvatures(rotations, self._spacing)
+        curvature = gap_curvatures(rotations, self._spacing) - self._rest_curvature
         along_x = curvature[:, :, 0] @ self._present.T
         along_y = curvature[:, :, 1] @ self._present.T
         bent = along_y * self._offsets[:, 0] - along_x * self._offsets[:, 1]
@@ -316,14 +316,22 @@ class RobotLimits:
         strain = (tensions @ present) * self._axial_compliance
         return np.asarray(bent + strain @ self._present.T + tensions * self._tendon_compliance)
 
+    def bending_strain(self, rotations: FloatArray) -> FloatArray:
+        """Returns the backbone's bending strain between disks, radius x |u - u*|, shape (n, d - 1), dimensionless.
+
+        Args:
+            rotations: Shape (n, d, 3, 3), any frame.
+        """
+        bending = gap_curvatures(rotations, self._spacing)[:, :, :2] - self._rest_curvature[:, :2]
+        return np.asarray(self._radii * np.linalg.norm(bending, axis=2))
+
     def check(self, tensions: FloatArray, rotations: FloatArray) -> Codes:
         """Returns 0 or the code of the limit that is broken, shape (n,)."""
         codes = np.zeros(len(tensions), dtype=np.int8)
-        curvature = gap_curvatures(rotations, self._spacing)
-        bending = np.hypot(curvature[:, :, 0], curvature[:, :, 1])
-        codes[(bending > self._max_curvature).any(axis=1)] = Cause.STRAIN.code
-        displaced = np.abs(self.tendon_displacements(tensions, rotations)) > self._displacement
-        codes[displaced.any(axis=1)] = Cause.TENDON_DISPLACEMENT.code
+        kept = at_most(self.bending_strain(rotations), self._max_strain).all(axis=1)
+        codes[~kept] = Cause.STRAIN.code
+        kept = at_most(np.abs(self.tendon_displacements(tensions, rotations)), self._displacement).all(axis=1)
+        codes[~kept] = Cause.TENDON_DISPLACEMENT.code
         return codes
 
     @staticmethod
@@ -333,6 +341,10 @@ class RobotLimits:
             worst = int(np.argmax(tensions - robot.max_tensions))
             limit = robot.max_tensions[worst]
             return f"{cause.value}: tendon {worst + 1} needs {tensions[worst]:.3g} N of at most {limit:.3g} N"
+        if cause is Cause.TENDON_DISPLACEMENT:
+            return f"{cause.value}: a tendon moves by more than max_tendon_displacement_m from where it is at rest"
+        if cause is Cause.STRAIN:
+            return f"{cause.value}: the backbone is bent from its rest curvature by more than max_strain"
         return cause.value
 
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from tdcr_planner.arrays import BoolArray, FloatArray, check_array, check_batch
 from tdcr_planner.errors import DomainError, InputError, RobotMismatchError
 from tdcr_planner.files import sha256_of_file
+from tdcr_planner.limits import at_most
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.base import DiskPoses
 from tdcr_planner.shape.model_file import ModelFile, read_model_file
@@ -20,9 +21,6 @@ from tdcr_planner.shape.shooting import ShootingFunction
 
 if TYPE_CHECKING:
     import torch
-
-# Rotating a vector may lengthen it by rounding; a load at the limit is still inside.
-_SLACK = 1e-9
 
 
 class LearnedShape:
@@ -71,9 +69,9 @@ class LearnedShape:
     def in_domain(self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> BoolArray:
         """Returns which rows lie inside the model's domain, shape (n,); see `ShapeModel.in_domain`."""
         domain = self.card.domain
-        inside = (tensions >= 0.0).all(axis=1) & (tensions <= self._max_tensions * (1.0 + _SLACK)).all(axis=1)
-        inside &= np.linalg.norm(gravity, axis=1) <= domain.gravity_m_s2 * (1.0 + _SLACK)
-        inside &= np.linalg.norm(tip_force, axis=1) <= domain.tip_force_n * (1.0 + _SLACK)
+        inside = (tensions >= 0.0).all(axis=1) & at_most(tensions, self._max_tensions).all(axis=1)
+        inside &= at_most(np.linalg.norm(gravity, axis=1), domain.gravity_m_s2)
+        inside &= at_most(np.linalg.norm(tip_force, axis=1), domain.tip_force_n)
         return np.asarray(inside)
 
     def disk_poses(
@@ -128,7 +126,7 @@ class LearnedShape:
         """
         stops = check_array("arc_lengths", arc_lengths, (None,))
         length = self.robot.length
-        if not len(stops) or (np.diff(stops) <= 0.0).any() or stops[0] < 0.0 or stops[-1] > length * (1.0 + _SLACK):
+        if not len(stops) or (np.diff(stops) <= 0.0).any() or stops[0] < 0.0 or not at_most(stops[-1], length):
             raise InputError("arc_lengths", f"increasing numbers from 0 to {length:g} m", stops.tolist())
         if self._function is None:
             raise InputError("arc_lengths", "a model with the `shooting` network", f"network {self.card.network!r}")
@@ -159,7 +157,7 @@ class LearnedShape:
 
     def _refuse(self, row: int, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> None:
         domain = self.card.domain
-        over = np.flatnonzero(tensions[row] > self._max_tensions * (1.0 + _SLACK))
+        over = np.flatnonzero(~at_most(tensions[row], self._max_tensions))
         if len(over):
             column = int(over[0])
             limit, value = self._max_tensions[column], tensions[row, column]
@@ -174,7 +172,7 @@ class LearnedShape:
         )
         for name, vectors, limit, unit in loads:
             size = float(np.linalg.norm(vectors[row]))
-            if size > limit * (1.0 + _SLACK):
+            if not at_most(size, limit):
                 raise DomainError(
                     name, f"at most {limit:g} {unit}, the domain of {self.path}", f"{size:g} {unit} in row {row}"
                 )

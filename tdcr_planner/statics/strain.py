@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.limits import at_most
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.statics.profile import rod_profile
 from tdcr_planner.statics.solver import RodSolution
@@ -37,4 +38,4 @@ def largest_bending_stress(robot: RobotSpec, solution: RodSolution) -> FloatArra
 def within_strain_limits(robot: RobotSpec, solution: RodSolution) -> BoolArray:
     """Returns which cases keep every segment's `Backbone.max_strain`, shape (n,); false without an equilibrium."""
     limits = np.array([backbone.max_strain or np.inf for backbone in robot.segment_backbones])
-    return np.asarray((largest_bending_strain(robot, solution) <= limits).all(axis=1))
+    return np.asarray(at_most(largest_bending_strain(robot, solution), limits).all(axis=1))

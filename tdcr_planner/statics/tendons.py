@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tdcr_planner.arrays import FloatArray
+from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.limits import at_most
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.statics.profile import rod_profile
 from tdcr_planner.statics.solver import RodSolution
@@ -37,9 +38,10 @@ def tendon_lengths(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike 
 
 
 def tendon_displacements(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike | None = None) -> FloatArray:
-    """Returns how far each tendon is pulled out at the base, against the straight unloaded robot.
+    """Returns how far each tendon is pulled out at the base, against the unloaded robot at rest.
 
-    Positive where the tendon is pulled out. Where the segment gives `tendon_axial_stiffness_n`, the elastic stretch
+    At rest the robot is straight, or as curved as its backbone's `rest_curvature_1_m` says. Positive where the tendon
+    is pulled out. Where the segment gives `tendon_axial_stiffness_n`, the elastic stretch
     tension x length / stiffness of the part inside the robot is added: that much more has to be pulled.
 
     Args:
@@ -52,6 +54,26 @@ def tendon_displacements(robot: RobotSpec, solution: RodSolution, tensions: Arra
     """
     tension = solution.tensions if tensions is None else robot.check_tensions(tensions)
     lengths = tendon_lengths(robot, solution)
-    straight = robot.segment_ends[robot.tendon_segments]
+    rest = rest_tendon_lengths(robot)
     stiffness = np.array([segment.tendon_axial_stiffness_n or np.inf for segment in robot.segments])
-    return np.asarray(straight - lengths + tension * lengths / stiffness[robot.tendon_segments])
+    return np.asarray(rest - lengths + tension * lengths / stiffness[robot.tendon_segments])
+
+
+def rest_tendon_lengths(robot: RobotSpec) -> FloatArray:
+    """Returns the length of each tendon's path in the unloaded robot, shape (t,), m.
+
+    The rest curvature u* is constant along a segment, and v = e3, so that |e3 + u* x r| times the length is exact.
+    """
+    lengths = np.zeros(robot.tendon_count)
+    for index, (segment, backbone) in enumerate(zip(robot.segments, robot.segment_backbones, strict=True)):
+        direction = np.array([0.0, 0.0, 1.0]) + np.cross(backbone.rest_curvature_1_m, robot.tendon_offsets)
+        passes = robot.tendon_segments >= index
+        lengths += np.where(passes, segment.length_m * np.linalg.norm(direction, axis=1), 0.0)
+    return lengths
+
+
+def within_displacement_limits(robot: RobotSpec, solution: RodSolution) -> BoolArray:
+    """Returns which cases keep every `Segment.max_tendon_displacement_m`, (n,); false without an equilibrium."""
+    limits = np.array([segment.max_tendon_displacement_m or np.inf for segment in robot.segments])
+    displaced = np.abs(tendon_displacements(robot, solution))
+    return np.asarray(at_most(displaced, limits[robot.tendon_segments]).all(axis=1))

@@ -14,9 +14,12 @@ from hypothesis import strategies as st
 from tdcr_planner.cluster import dask_backend
 from tdcr_planner.errors import InputError
 from tdcr_planner.learning import dataset
-from tdcr_planner.learning.dataset import draw_cases, draw_mixture, solve_cases
+from tdcr_planner.learning.dataset import Cases, draw_cases, draw_mixture, solve_cases
+from tdcr_planner.learning.limit_use import LimitUse
 from tdcr_planner.learning.settings import DomainSettings
 from tdcr_planner.statics.solver import solve_statics
+from tdcr_planner.statics.strain import largest_bending_strain, within_strain_limits
+from tdcr_planner.statics.tendons import tendon_displacements, within_displacement_limits
 from tdcr_planner.workers import Outcome, WorkersError, local_backend
 
 
@@ -164,3 +167,46 @@ def test_ctrl_c_ends_the_processes(small_robot, many_cases, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         solve_cases(small_robot, many_cases, backend=local_backend(1), progress=progress)
     assert not multiprocessing.active_children()
+
+
+LIMITED = [
+    {"max_strain": 0.002},
+    {"max_strain": 1e-4},
+    {"max_strain": 0.004, "displacement": 0.003},
+    {"displacement": 1e-3},
+]
+
+
+def limited(robot, limits):
+    """A robot that may do only part of what its tensions could."""
+    backbone = robot.backbone.model_copy(update={"max_strain": limits.get("max_strain")})
+    segments = [
+        segment.model_copy(update={"max_tendon_displacement_m": limits.get("displacement")})
+        for segment in robot.segments
+    ]
+    return robot.model_copy(update={"backbone": backbone, "segments": segments})
+
+
+@pytest.mark.parametrize("sample", ["uniform", "planner"])
+@pytest.mark.parametrize("limits", LIMITED)
+def test_only_what_the_robot_may_do_is_drawn_and_solved(two_segment_robot, random, limits, sample):
+    robot = limited(two_segment_robot, limits)
+    cases = draw_cases(robot, DomainSettings().for_robot(robot), sample, 200, random)
+    assert len(cases) == 200
+    unloaded = solve_statics(robot, cases.tensions)
+    # The linear estimate leaves out the compression of backbone and tendons, some 1e-4 of the length.
+    assert (largest_bending_strain(robot, unloaded) <= limits.get("max_strain", np.inf) * 1.02).all()
+    assert (np.abs(tendon_displacements(robot, unloaded)) <= limits.get("displacement", np.inf) + 1e-4).all()
+    solved = solve_cases(robot, Cases(cases.tensions, 0.0 * cases.gravity, 0.0 * cases.tip_force))
+    again = solve_statics(robot, solved.cases.tensions)
+    assert within_strain_limits(robot, again).all()
+    assert within_displacement_limits(robot, again).all()
+    assert len(solved.cases) > 100
+
+
+def test_use_of_the_limits_is_linear_and_none_without_limits(two_segment_robot, random):
+    tensions = random.uniform(0.0, 3.0, (20, 6))
+    use = LimitUse(limited(two_segment_robot, {"max_strain": 0.002, "displacement": 0.002}))
+    assert use.any
+    np.testing.assert_allclose(use.largest(0.5 * tensions), 0.5 * use.largest(tensions), rtol=1e-12)
+    assert not LimitUse(two_segment_robot).any

@@ -10,6 +10,7 @@ import pytest
 
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.planning.scenario import Scenario, load_scenario
+from tdcr_planner.planning.spaces import ConfigurationSpace
 
 Make = Callable[..., Scenario]
 
@@ -116,3 +117,44 @@ def test_a_file_of_another_format_is_named_as_what_it_is() -> None:
 def test_missing_scenario_is_named(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match=r"none\.toml: no such file"):
         load_scenario(tmp_path / "none.toml")
+
+
+MOVING = {"insertion_m": [0.0, 0.25], "roll_deg": [-12.0, 12.0]}
+
+
+@pytest.mark.parametrize("end", [-12.0, 12.0])
+def test_a_start_within_rounding_of_a_range_end_counts_as_the_end(
+    end: float, make_scenario: Make, random: np.random.Generator
+) -> None:
+    # 1e-9 of the ranges: 24 degrees and 0.25 m.
+    for offset in random.uniform(-0.99e-9, 0.99e-9, 5):
+        start = {"bending_n": [[0.0, 0.0]], "insertion_m": 0.25 * (1.0 + offset), "roll_deg": end + 24.0 * offset}
+        space = ConfigurationSpace(make_scenario(base=MOVING, start=start))
+        row = space.row(((0.0, 0.0),), start["insertion_m"], start["roll_deg"])
+        assert (row >= space.lower).all()
+        assert (row <= space.upper).all()
+
+
+def test_a_start_beyond_its_range_is_refused(make_scenario: Make) -> None:
+    start = {"bending_n": [[0.0, 0.0]], "roll_deg": 12.001}
+    with pytest.raises(FormatError, match=re.escape("start.roll_deg: got 12.001, but the range of [base] roll_deg is")):
+        make_scenario(base=MOVING, start=start)
+
+
+def test_lengths_that_a_scenario_leaves_open_follow_the_thinnest_disk(make_scenario: Make) -> None:
+    goal = {"tip_position_m": [0.0, 0.0, 0.2]}
+    paper = make_scenario(goal=goal)
+    assert (paper.planner.step_m, paper.planner.clearance_m) == pytest.approx((0.002, 0.0005))
+    assert paper.goals[0].tip_tolerance_m == pytest.approx(0.002)
+    thin = make_scenario("two_segment", goal=goal)
+    assert (thin.planner.step_m, thin.planner.clearance_m) == pytest.approx((0.0012, 0.0003))
+    assert thin.goals[0].tip_tolerance_m == pytest.approx(0.0012)
+    stated = make_scenario("two_segment", goal={**goal, "tip_tolerance_m": 0.01})
+    assert stated.goals[0].tip_tolerance_m == 0.01
+
+
+def test_lengths_that_a_scenario_states_stand(make_scenario: Make) -> None:
+    planner = {"validity": "constant_curvature", "step_m": 0.003, "clearance_m": 0.0}
+    scenario = make_scenario("two_segment", planner=planner)
+    assert (scenario.planner.step_m, scenario.planner.clearance_m) == (0.003, 0.0)
+    assert scenario.with_planner(seed=3).planner.step_m == 0.003

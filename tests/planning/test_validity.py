@@ -8,6 +8,7 @@ from tdcr_planner.robot import load_robot
 from tdcr_planner.shape.base import DiskPoses
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 from tdcr_planner.statics.solver import solve_statics
+from tdcr_planner.statics.strain import largest_bending_strain
 from tdcr_planner.statics.tendons import tendon_displacements
 
 MOVING_BASE = {"insertion_m": [0.0, 0.1], "roll_deg": [-180.0, 180.0]}
@@ -169,3 +170,44 @@ def test_motion_scale_of_the_base_is_exact(make_setup):
     # An insertion moves every point by itself; a roll moves the tip's rim by its distance from the axis.
     assert setup.checker.motion_scale[2] == pytest.approx(1.0, rel=1e-6)
     assert 0.01 < setup.checker.motion_scale[3] < 0.2
+
+
+CURVED = [[0.0, 4.0, 0.0], [3.0, -2.0, 0.0], [-2.0, 5.0, 1.5]]
+
+
+@pytest.mark.parametrize("rest", CURVED)
+def test_limits_of_a_curved_robot_count_from_its_rest(two_segment_robot, random, rest):
+    backbone = two_segment_robot.backbone.model_copy(update={"rest_curvature_1_m": rest})
+    robot = two_segment_robot.model_copy(update={"backbone": backbone})
+    limits = RobotLimits(robot)
+    tensions = np.concatenate([np.zeros((1, 6)), random.uniform(0.0, 2.0, (12, 6))])
+    solution = solve_statics(robot, tensions, gravity=[0.3, 0.4, -0.8])
+    unloaded = solve_statics(robot, tensions[:1])
+    np.testing.assert_allclose(limits.bending_strain(unloaded.rotations), 0.0, atol=1e-9)
+    np.testing.assert_allclose(limits.tendon_displacements(tensions[:1], unloaded.rotations), 0.0, atol=1e-9)
+    strain = limits.bending_strain(solution.rotations)
+    by_segment = np.stack([strain[:, robot.disk_segments[1:] == index].max(axis=1) for index in range(2)], axis=1)
+    # The search sees the mean between disks, the statics the largest within: apart by what loads add over 10 mm.
+    np.testing.assert_allclose(by_segment, largest_bending_strain(robot, solution), rtol=0.05, atol=1e-4)
+    displaced = limits.tendon_displacements(tensions, solution.rotations)
+    np.testing.assert_allclose(displaced, tendon_displacements(robot, solution), atol=3e-5)
+
+
+@pytest.mark.parametrize("beyond", [False, True])
+def test_a_curved_robot_may_rest_and_may_not_be_pulled_straight(make_setup, paper_robot, beyond):
+    backbone = paper_robot.backbone.model_copy(update={"rest_curvature_1_m": (0.0, 4.0, 0.0), "max_strain": 0.0015})
+    robot = paper_robot.model_copy(update={"backbone": backbone})
+    # Bending by -4 1/m strains the 0.5 mm rod by 0.2 %.
+    pull = 4.0 * backbone.stiffness_bending_torsion[0] / 0.008
+    tensions = robot.tensions_from_bending([[[-pull if beyond else 0.0, 0.0]]])
+    solution = solve_statics(robot, tensions)
+    code = RobotLimits(robot).check(tensions, solution.rotations)[0]
+    assert (code == Cause.STRAIN.code) is beyond
+
+
+def test_states_at_the_ends_of_their_ranges_are_valid(make_setup):
+    setup = make_setup(base={"insertion_m": [0.0, 0.25], "roll_deg": [-12.0, 12.0]})
+    row = setup.space.row([[0.0, 3.5]], 0.25 * (1.0 + 1e-12), 12.000000000000002)
+    assert (row >= setup.space.lower).all()
+    assert (row <= setup.space.upper).all()
+    assert setup.checker.valid(row[None])[0]

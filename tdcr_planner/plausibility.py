@@ -1,0 +1,118 @@
+"""Plausibility of a robot: values that no robot has, each with the unit in which it was probably given."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from tdcr_planner.robot import Backbone, RobotSpec, Segment
+
+# Young's modulus from the softest silicone to diamond, Pa; density from foam to osmium, kg/m^3.
+SOFTEST_PA, STIFFEST_PA = 1e4, 1.3e12
+LIGHTEST_KG_M3, DENSEST_KG_M3 = 100.0, 2.5e4
+# A disk may carry some more than itself; a robot is longer than a grain and shorter than a house.
+DENSEST_DISK_KG_M3 = 2.0 * DENSEST_KG_M3
+SHORTEST_M, LONGEST_M = 1e-3, 20.0
+# Full tension bends a segment by some radians; its own weight, times l^2 / (E I), is some units at most.
+MOST_TURNS = 10.0
+LARGEST_WEIGHT_RATIO = 100.0
+LARGEST_STRAIN_LIMIT = 0.5
+
+
+def doubts(robot: RobotSpec) -> list[str]:
+    """Returns a sentence on every value of a robot that is far outside of any real robot's; none for a plausible one.
+
+    Each names the key, the value and the unit that was probably meant.
+    """
+    found = [*_doubt_sizes(robot)]
+    for place, backbone in _backbones(robot):
+        found += _doubt_backbone(place, backbone)
+    for index, (segment, backbone) in enumerate(zip(robot.segments, robot.segment_backbones, strict=True)):
+        found += _doubt_segment(f"segments[{index + 1}]", segment, backbone)
+    if not found:
+        found += _doubt_weight(robot)
+    return found
+
+
+def _backbones(robot: RobotSpec) -> Iterator[tuple[str, Backbone]]:
+    yield "backbone", robot.backbone
+    for index, segment in enumerate(robot.segments):
+        if segment.backbone is not None:
+            yield f"segments[{index + 1}].backbone", segment.backbone
+
+
+def _doubt_sizes(robot: RobotSpec) -> Iterator[str]:
+    if robot.length > LONGEST_M:
+        yield f"segments: a robot of {robot.length:g} m is longer than any; is length_m in mm?"
+    if robot.length < SHORTEST_M:
+        yield f"segments: a robot of {robot.length:g} m is shorter than any; length_m is in metres"
+    widest = max(segment.disk_radius_m for segment in robot.segments)
+    if widest > robot.length:
+        yield f"segments: disk_radius_m = {widest:g} is more than its length of {robot.length:g} m; is it in mm?"
+
+
+def _doubt_backbone(place: str, backbone: Backbone) -> Iterator[str]:
+    modulus, density = backbone.youngs_modulus_pa, backbone.density_kg_m3
+    if modulus < SOFTEST_PA:
+        yield (
+            f"{place}.youngs_modulus_pa = {modulus:g} is softer than any rubber; is it in GPa? "
+            f"{modulus:g} GPa is {modulus * 1e9:g} Pa"
+        )
+    if modulus > STIFFEST_PA:
+        yield f"{place}.youngs_modulus_pa = {modulus:g} is stiffer than diamond; steel has 2.1e11 Pa"
+    if 0.0 < density < LIGHTEST_KG_M3:
+        yield (
+            f"{place}.density_kg_m3 = {density:g} is lighter than any rod; is it in g/cm^3? "
+            f"{density:g} g/cm^3 is {density * 1e3:g} kg/m^3"
+        )
+    if density > DENSEST_KG_M3:
+        yield f"{place}.density_kg_m3 = {density:g} is denser than any metal; steel has 7850 kg/m^3"
+    if backbone.max_strain is not None and backbone.max_strain > LARGEST_STRAIN_LIMIT:
+        yield (
+            f"{place}.max_strain = {backbone.max_strain:g} is more than any backbone bears; is it in %? "
+            f"{backbone.max_strain:g} % is {backbone.max_strain / 100.0:g}"
+        )
+
+
+def _doubt_segment(place: str, segment: Segment, backbone: Backbone) -> Iterator[str]:
+    volume = math.pi * segment.disk_radius_m**2 * segment.disk_thickness_m
+    mass = segment.disk_mass_kg
+    if mass > DENSEST_DISK_KG_M3 * volume:
+        yield (
+            f"{place}.disk_mass_kg = {mass:g} makes a disk of {1e6 * volume:.2g} cm^3 denser than any metal; "
+            f"is it in g? {mass:g} g is {mass * 1e-3:g} kg"
+        )
+    limit = segment.max_tendon_displacement_m
+    if limit is not None and limit > 10.0 * segment.length_m:
+        yield f"{place}.max_tendon_displacement_m = {limit:g} is many times the segment's length; is it in mm?"
+    curvature = segment.max_tension_n * segment.tendon_circle_radius_m / backbone.stiffness_bending_torsion[0]
+    turns = curvature * segment.length_m / (2.0 * math.pi)
+    modulus, tension = backbone.youngs_modulus_pa, segment.max_tension_n
+    if modulus >= SOFTEST_PA and (turns > MOST_TURNS or curvature * backbone.radius_m > 1.0):
+        question = (
+            f"is youngs_modulus_pa = {modulus:g} in MPa? {modulus:g} MPa is {modulus * 1e6:g} Pa"
+            if modulus < 1e7
+            else f"is it in mN? {tension:g} mN is {tension * 1e-3:g} N"
+        )
+        yield f"{place}.max_tension_n = {tension:g} would bend the segment by {turns:.3g} turns; {question}"
+    rest = float(np.hypot(*backbone.rest_curvature_1_m[:2]))
+    if rest * segment.disk_radius_m > 1.0:
+        yield f"{place}: a rest_curvature_1_m of {rest:g} 1/m makes neighbouring disks meet; it is expected in 1/m"
+
+
+def _doubt_weight(robot: RobotSpec) -> Iterator[str]:
+    rods = list(zip(robot.segments, robot.segment_backbones, strict=True))
+    mass = robot.disk_masses.sum() + robot.tip.mass_kg
+    mass += sum(segment.length_m * backbone.weight_per_length_kg_m for segment, backbone in rods)
+    softest = min(backbone.stiffness_bending_torsion[0] for _, backbone in rods)
+    ratio = 9.81 * mass * robot.length**2 / softest
+    if ratio > LARGEST_WEIGHT_RATIO:
+        what = "tip.mass_kg" if robot.tip.mass_kg > 0.5 * mass else "disk_mass_kg and density_kg_m3"
+        yield (
+            f"the robot weighs {mass:g} kg, {ratio:.3g} times what bends it ((weight) l^2 / (E I)): it hangs like a "
+            f"cable; is {what} in g, or youngs_modulus_pa in MPa?"
+        )
