@@ -18,6 +18,7 @@ from tdcr_planner.collision.containment import make_side, wrong_part
 from tdcr_planner.collision.field import CELLS, build_field
 from tdcr_planner.collision.meshes import SceneMesh, format_point
 from tdcr_planner.collision.narrow import BodyObjects, MeshObject
+from tdcr_planner.collision.room import SplitCells, make_split_cells, part_rooms, signed_distance
 from tdcr_planner.collision.self_contact import make_self_pairs, near_pairs
 from tdcr_planner.collision.settle import screen, settle_batch
 from tdcr_planner.errors import InputError
@@ -143,6 +144,8 @@ class CollisionScene:
         self._codes = tuple(np.int8(_mesh_verdict(mesh)) for mesh in self.meshes)
         _hint_at_units(self.meshes, body)
         self._grown: dict[bytes, CollisionScene] = {}
+        # Made at the first question about room; scenes grown by other margins share it.
+        self._split: list[SplitCells] = []
         self._set_body(body)
 
     def _set_body(self, body: RobotBody) -> None:
@@ -324,6 +327,45 @@ class CollisionScene:
         best[finite] = measured
         best[~finite] = -np.inf
         return best
+
+    def part_rooms(self, positions: FloatArray, rotations: FloatArray, most: float) -> FloatArray:
+        """Returns an estimate of each part's distance from the nearest surface, margins taken off, as a guide.
+
+        It is negative where the part, grown by its margin, touches a surface or is on its wrong side: how deep. It comes
+        from the fields alone and is no bound. Self-collision does not count.
+
+        Args:
+            positions: Disk centres, shape (n, d, 3), m, world frame.
+            rotations: world_from_disk, shape (n, d, 3, 3).
+            most: What is not exceeded, m: parts that have more are not looked at closely.
+
+        Returns:
+            Shape (n, q), m, in the order of `RobotBody.part_names`.
+        """
+        rooms = np.full((len(positions), len(self.body.part_names)), float(most))
+        if not self._split:
+            self._split.extend(
+                make_split_cells(field, mesh.wall_tree, side)
+                for mesh, side, field in zip(self.meshes, self._sides, self._fields, strict=True)
+            )
+        for mesh, side, field, split in zip(self.meshes, self._sides, self._fields, self._split, strict=True):
+            part_rooms(field, mesh.wall_tree, side, split, self.body.arrays, positions, rotations, rooms)
+        return rooms
+
+    def nearest_mesh(self, point: ArrayLike) -> tuple[float, str]:
+        """Returns a point's distance from the nearest surface, m, negative on a mesh's wrong side, and the mesh's name.
+
+        Where several meshes are in question, the one of least signed distance; infinity and "" without meshes.
+
+        Args:
+            point: Shape (3,), m, world frame.
+        """
+        x, y, z = (float(value) for value in np.asarray(point, dtype=np.float64))
+        found = [
+            (float(signed_distance(mesh.wall_tree, side, x, y, z)), mesh.name)
+            for mesh, side in zip(self.meshes, self._sides, strict=True)
+        ]
+        return min(found, default=(float("inf"), ""))
 
     def touches_itself(self, positions: ArrayLike, rotations: ArrayLike) -> BoolArray:
         """Returns which states' bodies, margins included, touch themselves, shape (n,), whatever the meshes say.
