@@ -1,9 +1,9 @@
 """Verification: the Cosserat reference on every state of a path, independent of the model that found it.
 
-Between two neighbouring states i and j no point of the body moves farther than L_ij, measured on the reference
-shapes. A point that lies rho from its place at i lies at most L_ij - rho from its place at j, so anywhere in between
-its clearance is at least (c_i + c_j - L_ij) / 2. A path is verified when that bound keeps the asked clearance on every
-gap; gaps where it does not are halved until it does or the halves say that it never will.
+Between two neighbouring states i and j no point of a part of the body moves farther than L_ij, measured on the
+reference shapes. A point that lies rho from its place at i lies at most L_ij - rho from its place at j, so anywhere in
+between its clearance is at least (c_i + c_j - L_ij) / 2. A path is verified when that bound keeps the asked clearance
+for every part on every gap; gaps where it does not are halved until it does or the halves say that it never will.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from tdcr_planner.se3 import transform_points
 from tdcr_planner.shape.base import ShapeModel
 from tdcr_planner.solved_states import SolvedStates, StateSolver
 
-# Halving a gap of step_m this often leaves 1/64 of it: below that, missing clearance is missing, not unproven.
-MAX_HALVINGS = 6
+# Halving a gap of step_m this often leaves 1/1024 of it: below that, missing clearance is missing, not unproven. The
+# search ends at 1/64, so that what it accepts is not refused here for want of halvings.
+MAX_HALVINGS = 10
 
 
 @dataclass(frozen=True)
@@ -131,8 +132,8 @@ class Verifier:
         self.clearance = clearance
         self.model = model
         self._robot: RobotSpec = space.robot
-        # Between two states either of two parts strays by at most half a step from its nearer state.
-        self._solver = StateSolver(space, scene, self_margin=0.5 * step)
+        self._solver = StateSolver(space, scene)
+        self._prover = scene.make_prover(np.full(space.robot.disk_count, clearance))
 
     def verify(
         self, rows: FloatArray, goals: Sequence[tuple[int, Goal]] = ()
@@ -152,14 +153,18 @@ class Verifier:
         allowance = np.nan_to_num(np.ceil(np.log2(excess))).astype(np.int64)
         states = replace(states, halvings=np.append(-allowance, 0))
         failure = self._judge_states(states) or self._judge_goals(states, goals)
+        shown = np.zeros(len(rows) - 1, dtype=np.bool_)
         while failure is None:
-            gaps = self._open_gaps(states)
+            motions = self.disk_motions(states.positions, states.rotations)
+            shown = self._show(states, motions, shown)
+            gaps = np.flatnonzero(~shown | (motions.max(axis=1) > self.step))
             if not len(gaps):
                 break
             failure = self._judge_gaps(states, gaps)
             if failure is None:
                 middle = 0.5 * (states.rows[gaps] + states.rows[gaps + 1])
                 states = states.halve(gaps, self._solver.solve(middle))
+                shown = np.insert(shown, gaps + 1, shown[gaps])
                 failure = self._judge_states(states)
         return self._report(states, failure), states
 
@@ -180,7 +185,7 @@ class Verifier:
             (~states.converged, "statics", "the reference did not converge"),
             (states.converged & ~states.stable, "statics", "the reference shape is not stable"),
             (~states.in_limits(self._robot), "limits", "a limit on tension, tendon displacement or strain is exceeded"),
-            (states.touches_itself, "self_collision", "the robot comes within half a step of itself"),
+            (states.touches_itself, "self_collision", "the robot touches itself"),
         ):
             if failing.any():
                 state = int(np.argmax(failing))
@@ -211,11 +216,25 @@ class Verifier:
                     return _Failure("goal", f"{where}: {message}", state)
         return None
 
-    def _open_gaps(self, states: SolvedStates) -> IntArray:
-        """Returns the gaps whose motion is too far or whose clearance in between is not shown, as first states."""
-        motion = self.body_motion(states.positions, states.rotations)
-        shown = states.clearance[:-1] + states.clearance[1:] - motion >= 2.0 * self.clearance
-        return np.flatnonzero(~shown | (motion > self.step))
+    def _show(self, states: SolvedStates, motions: FloatArray, shown: BoolArray) -> BoolArray:
+        """Returns which gaps are shown to keep the clearance, given those that are and the disks' motions in each."""
+        gaps = np.flatnonzero(~shown)
+        if not len(gaps):
+            return shown
+        # Pairs of states, one after the other; between two pairs nothing moves.
+        pairs = np.stack([gaps, gaps + 1], axis=1).reshape(-1)
+        motion = np.zeros((len(pairs) - 1, motions.shape[1]))
+        motion[::2] = motions[gaps]
+        record = self._prover.record(len(pairs))
+        # No part keeps less than the body as a whole.
+        record.slack[:] = (states.clearance[pairs] - self.clearance)[:, None]
+        _, moved = self._prover.open_intervals(
+            states.positions[pairs], states.rotations[pairs], np.arange(len(pairs)), motion,
+            np.full(motion.shape, np.inf), record, np.inf,
+        )  # fmt: skip
+        shown = shown.copy()
+        shown[gaps] = moved[::2] == 0.0
+        return shown
 
     def _judge_gaps(self, states: SolvedStates, gaps: IntArray) -> _Failure | None:
         """Returns the failure of the first open gap that has been halved as often as is sensible, or None."""
@@ -232,14 +251,18 @@ class Verifier:
         return _Failure("clearance", f"{where} a clearance of {lowest:.3f} mm leaves no room for the motion", state)
 
     def body_motion(self, positions: FloatArray, rotations: FloatArray) -> FloatArray:
-        """Returns how far any point of the body moves at most between neighbouring states, shape (k - 1,), m.
+        """Returns how far any point of the body moves at most between neighbouring states, shape (k - 1,), m."""
+        return np.asarray(self.disk_motions(positions, rotations).max(axis=1))
+
+    def disk_motions(self, positions: FloatArray, rotations: FloatArray) -> FloatArray:
+        """Returns how far the points of each disk move at most between neighbouring states, shape (k - 1, d), m.
 
         A point of disk d moves by at most |dp_d| plus its distance from the centre times the rotation's chord
         2 sin(angle / 2) = |dR|_F / sqrt 2; everything between two disks is spanned by points of the disks.
         """
         shift = np.linalg.norm(np.diff(positions, axis=0), axis=2)
         chord = np.linalg.norm(np.diff(rotations, axis=0), axis=(2, 3)) / np.sqrt(2.0)
-        return np.asarray((shift + disk_reaches(self._robot) * chord).max(axis=1))
+        return np.asarray(shift + disk_reaches(self._robot) * chord)
 
     def _report(self, states: SolvedStates, failure: _Failure | None) -> VerificationReport:
         if failure is None:
