@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from tdcr_planner.collision.body import place_solid
+from tdcr_planner.collision.body import part_ball, place_solid
 from tdcr_planner.collision.self_contact import near_pairs
 
 # Rounds of alternating projection, and the gap between its distance and the bound at which it ends, m.
@@ -98,6 +98,7 @@ def self_slack(pairs, body, positions, rotations, bound):  # type: ignore[no-unt
     found = np.empty((count, 2), np.int64)
     near_pairs(pairs, positions, bound, found)
     best, last, first = bound, len(positions) - 1, body.part_first
+    centre, other_centre = np.empty(3), np.empty(3)
     for row in range(count):
         k, j = found[row, 0], found[row, 1]
         for i in range(2):
@@ -105,6 +106,10 @@ def self_slack(pairs, body, positions, rotations, bound):  # type: ignore[no-unt
                 one = 2 * (last - k) + i
                 other = 2 * (last - j) + h if j > 0 else len(first) - 2
                 if not pairs.allowed[one, other]:
+                    continue
+                reach = part_ball(body, one, positions, rotations, centre)
+                reach += part_ball(body, other, positions, rotations, other_centre)
+                if j > 0 and math.sqrt(((centre - other_centre) ** 2).sum()) - reach >= best:
                     continue
                 for a in range(first[one], first[one + 1]):
                     for b in range(first[other], first[other + 1]):
@@ -118,7 +123,8 @@ def self_slack(pairs, body, positions, rotations, bound):  # type: ignore[no-unt
 def prove_apart(pairs, body, positions, rotations, order, motion, apart, exact, room, moved):  # type: ignore[no-untyped-def]
     """Finds the intervals between neighbouring free states in which the body may touch itself.
 
-    Two parts that move by L each between two states in which they are a and b apart stay (a + b) / 2 - L apart.
+    Two parts that move by L each between two states in which they are a and b apart stay (a + b) / 2 - L apart. What
+    all of them move alike with the base, in a straight line, does not count.
 
     Args:
         pairs: `SelfPairs` of the body.
@@ -133,10 +139,17 @@ def prove_apart(pairs, body, positions, rotations, order, motion, apart, exact, 
         moved: Shape (n - 1,), m; written likewise: how far they move. An interval where it is above 0 is left alone.
     """
     for row in range(len(order) - 1):
-        length = motion[row].max()
-        i, j = order[row], order[row + 1]
         if moved[row] > 0.0:
             continue
+        i, j = order[row], order[row + 1]
+        length = 0.0
+        for k in range(1, positions.shape[1]):
+            shift, own = 0.0, 0.0
+            for a in range(3):
+                step = positions[j, k, a] - positions[i, k, a]
+                shift += step * step
+                own += (step - positions[j, 0, a] + positions[i, 0, a]) ** 2
+            length = max(length, motion[row, k] - math.sqrt(shift) + math.sqrt(own))
         for attempt in range(3):
             here, there = (j, i) if attempt == 1 else (i, j)
             if apart[i] + apart[j] >= 2.0 * length:

@@ -14,10 +14,11 @@ from tdcr_planner.collision.containment import deepest_point, is_wrong
 from tdcr_planner.collision.distance import solid_distance
 from tdcr_planner.collision.field import bounds_at, front
 from tdcr_planner.collision.first_look import SPARE
+from tdcr_planner.collision.first_ways import look_at_ways
 from tdcr_planner.collision.tree import nearest_triangle
 
-# Balls along a gap: the first cover, and the one that is tried where it is too coarse.
-COARSE, FINE = 1, 3
+# Balls along a gap, where one is too coarse.
+SLICES = 3
 # Points along a ball's way at which its distance is looked up before the way counts as not proved.
 LOOKUPS = 48
 
@@ -135,7 +136,7 @@ def _foot_right(field, side, x, y, z, behind):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _way_free(field, wall, side, start, end, radius, exactly, ends, frees):  # type: ignore[no-untyped-def]
+def _way_free(field, wall, side, start, end, radius, ends, frees):  # type: ignore[no-untyped-def]
     """Returns whether a ball that moves straight from start to end, both shape (3,), meets nothing on its way.
 
     With d the distance from any closed set, d(x)^2 - |x|^2 is concave (it is the least of linear functions), so on a
@@ -150,7 +151,7 @@ def _way_free(field, wall, side, start, end, radius, exactly, ends, frees):  # t
         ends[0, place] = float(place)
         frees[0, place] = _free_radius(
             field, wall, side, start[0] + place * dx, start[1] + place * dy, start[2] + place * dz,
-            radius, enough, exactly,
+            radius, enough, True,
         )  # fmt: skip
         if frees[0, place] < radius:
             return False
@@ -169,7 +170,7 @@ def _way_free(field, wall, side, start, end, radius, exactly, ends, frees):  # t
         middle = 0.5 * (low + high)
         free = _free_radius(
             field, wall, side, start[0] + middle * dx, start[1] + middle * dy, start[2] + middle * dz,
-            radius, math.sqrt(radius * radius + square / 16.0), exactly,
+            radius, math.sqrt(radius * radius + square / 16.0), True,
         )  # fmt: skip
         if free < radius:
             return False
@@ -187,19 +188,13 @@ def _part_way_free(field, wall, side, body, part, kept, positions, rotations, i,
     combination of the two middles with the larger radius, but for what the points stray from straight lines, which
     `kept` must contain.
     """
-    gap = body.kind[body.part_first[part]] != 0
-    for attempt in range(2):
-        slices = FINE if gap and attempt == 1 else COARSE
-        free = True
-        for index in range(slices):
-            radius = slice_ball(body, part, positions[i], rotations[i], slices, index, start)
-            radius = max(radius, slice_ball(body, part, positions[j], rotations[j], slices, index, end)) + kept
-            if not _way_free(field, wall, side, start, end, radius, attempt == 1, ends, frees):
-                free = False
-                break
-        if free:
-            return True
-    return False
+    slices = SLICES if body.kind[body.part_first[part]] != 0 else 1
+    for index in range(slices):
+        radius = slice_ball(body, part, positions[i], rotations[i], slices, index, start)
+        radius = max(radius, slice_ball(body, part, positions[j], rotations[j], slices, index, end)) + kept
+        if not _way_free(field, wall, side, start, end, radius, ends, frees):
+            return False
+    return True
 
 
 @njit(cache=True, nogil=True)
@@ -296,17 +291,17 @@ def prove_intervals(field, wall, side, body, required, positions, rotations, ord
     parts = len(body.part_first) - 1
     start, end = np.empty(3), np.empty(3)
     ends, frees = np.empty((32, 2)), np.empty((32, 2))
+    left_open = np.empty((len(order) - 1, parts), np.bool_)
+    look_at_ways(field, body, required, positions, rotations, order, motion, stray, slack, moved, left_open)
     for row in range(len(order) - 1):
         if moved[row] > 0.0:
             continue
         i, j = order[row], order[row + 1]
         for part in range(parts):
+            if not left_open[row, part]:
+                continue
             low, high = _disks_of(body, part)
-            if low < 0:
-                continue
             length = max(motion[row, low], motion[row, high])
-            if slack[i, part] + slack[j, part] >= length:
-                continue
             off = max(stray[row, low], stray[row, high])
             if math.isfinite(off) and _part_way_free(
                 field, wall, side, body, part, required[part] + off + SPARE,
