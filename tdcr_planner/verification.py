@@ -1,9 +1,10 @@
 """Verification: the Cosserat reference on every state of a path, independent of the model that found it.
 
-Between two neighbouring states i and j no point of a part of the body moves farther than L_ij, measured on the
-reference shapes. A point that lies rho from its place at i lies at most L_ij - rho from its place at j, so anywhere in
-between its clearance is at least (c_i + c_j - L_ij) / 2. A path is verified when that bound keeps the asked clearance
-for every part on every gap; gaps where it does not are halved until it does or the halves say that it never will.
+What lies between two neighbouring states is judged as in the search (`collision.prover`), on the reference shapes: a
+part of the body is free if balls about it are, all along its straight way, or if its clearances c_i and c_j in the two
+states suffice for the distance L_ij that its points move, since anywhere in between its clearance is at least
+(c_i + c_j - L_ij) / 2. A path is verified when every part is shown to keep the asked clearance on every gap; gaps where
+one is not are halved until it is or the halves say that it never will be.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.scene import CollisionScene
+from tdcr_planner.planning.kernels import disk_motions
 from tdcr_planner.planning.scenario import Goal
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import disk_reaches
@@ -132,6 +134,7 @@ class Verifier:
         self.clearance = clearance
         self.model = model
         self._robot: RobotSpec = space.robot
+        self._reaches = disk_reaches(self._robot)
         self._solver = StateSolver(space, scene)
         self._prover = scene.make_prover(np.full(space.robot.disk_count, clearance))
 
@@ -155,9 +158,9 @@ class Verifier:
         failure = self._judge_states(states) or self._judge_goals(states, goals)
         shown = np.zeros(len(rows) - 1, dtype=np.bool_)
         while failure is None:
-            motions = self.disk_motions(states.positions, states.rotations)
-            shown = self._show(states, motions, shown)
-            gaps = np.flatnonzero(~shown | (motions.max(axis=1) > self.step))
+            apart = self.body_motion(states.positions, states.rotations)
+            shown = self._show(states, apart, shown)
+            gaps = np.flatnonzero(~shown | (apart > self.step))
             if not len(gaps):
                 break
             failure = self._judge_gaps(states, gaps)
@@ -216,22 +219,34 @@ class Verifier:
                     return _Failure("goal", f"{where}: {message}", state)
         return None
 
-    def _show(self, states: SolvedStates, motions: FloatArray, shown: BoolArray) -> BoolArray:
-        """Returns which gaps are shown to keep the clearance, given those that are and the disks' motions in each."""
+    def _show(self, states: SolvedStates, apart: FloatArray, shown: BoolArray) -> BoolArray:
+        """Returns which gaps are shown to keep the clearance.
+
+        Args:
+            states: The states, k of them.
+            apart: How far the body moves between neighbours, shape (k - 1,), m.
+            shown: Which gaps are known to keep it, shape (k - 1,).
+        """
         gaps = np.flatnonzero(~shown)
         if not len(gaps):
             return shown
+        # Along the path by how far the body moves, so that a motion of even speed has no second differences.
+        along = np.concatenate([[0.0], np.cumsum(apart + 1e-12)])
+        order = np.arange(len(along))
+        motions, stray = disk_motions(states.positions, states.rotations, along, order, self._reaches)
+        if len(along) == 2:
+            stray = np.full(stray.shape, np.inf)
         # Pairs of states, one after the other; between two pairs nothing moves.
         pairs = np.stack([gaps, gaps + 1], axis=1).reshape(-1)
         motion = np.zeros((len(pairs) - 1, motions.shape[1]))
-        motion[::2] = motions[gaps]
+        off = np.zeros_like(motion)
+        motion[::2], off[::2] = motions[gaps], stray[gaps]
         record = self._prover.record(len(pairs))
         # No part keeps less than the body as a whole.
         record.slack[:] = (states.clearance[pairs] - self.clearance)[:, None]
         _, moved = self._prover.open_intervals(
-            states.positions[pairs], states.rotations[pairs], np.arange(len(pairs)), motion,
-            np.full(motion.shape, np.inf), record, np.inf,
-        )  # fmt: skip
+            states.positions[pairs], states.rotations[pairs], np.arange(len(pairs)), motion, off, record, np.inf
+        )
         shown = shown.copy()
         shown[gaps] = moved[::2] == 0.0
         return shown
@@ -251,18 +266,14 @@ class Verifier:
         return _Failure("clearance", f"{where} a clearance of {lowest:.3f} mm leaves no room for the motion", state)
 
     def body_motion(self, positions: FloatArray, rotations: FloatArray) -> FloatArray:
-        """Returns how far any point of the body moves at most between neighbouring states, shape (k - 1,), m."""
-        return np.asarray(self.disk_motions(positions, rotations).max(axis=1))
-
-    def disk_motions(self, positions: FloatArray, rotations: FloatArray) -> FloatArray:
-        """Returns how far the points of each disk move at most between neighbouring states, shape (k - 1, d), m.
+        """Returns how far any point of the body moves at most between neighbouring states, shape (k - 1,), m.
 
         A point of disk d moves by at most |dp_d| plus its distance from the centre times the rotation's chord
         2 sin(angle / 2) = |dR|_F / sqrt 2; everything between two disks is spanned by points of the disks.
         """
         shift = np.linalg.norm(np.diff(positions, axis=0), axis=2)
         chord = np.linalg.norm(np.diff(rotations, axis=0), axis=(2, 3)) / np.sqrt(2.0)
-        return np.asarray(shift + disk_reaches(self._robot) * chord)
+        return np.asarray((shift + self._reaches * chord).max(axis=1))
 
     def _report(self, states: SolvedStates, failure: _Failure | None) -> VerificationReport:
         if failure is None:
