@@ -18,6 +18,7 @@ from tdcr_planner.collision.containment import make_side, wrong_part
 from tdcr_planner.collision.field import CELLS, build_field
 from tdcr_planner.collision.meshes import SceneMesh, format_point
 from tdcr_planner.collision.narrow import BodyObjects, MeshObject
+from tdcr_planner.collision.prover import ClearanceProver
 from tdcr_planner.collision.room import SplitCells, make_split_cells, part_rooms, signed_distance
 from tdcr_planner.collision.self_contact import make_self_pairs, near_pairs
 from tdcr_planner.collision.settle import screen, settle_batch
@@ -114,6 +115,7 @@ class CollisionScene:
     Attributes:
         meshes: The meshes.
         body: The body, grown by its margins.
+        prover: Bounds what the body keeps beyond its margins, in and between states.
     """
 
     def __init__(
@@ -154,6 +156,7 @@ class CollisionScene:
         self._self_pairs = make_self_pairs(body)
         self._near = np.zeros((MAX_SELF_PAIRS, 2), dtype=np.int64)
         self._bare = body.with_margins(np.zeros(body.robot.disk_count)).arrays
+        self.prover = self.make_prover(body.margins)
 
     def with_margins(self, margins: ArrayLike) -> CollisionScene:
         """Returns the scene with the body grown by other margins, shape (d,), m; what was built is shared.
@@ -167,6 +170,16 @@ class CollisionScene:
             scene._set_body(self.body.with_margins(margins))
             self._grown[key] = scene
         return self._grown[key]
+
+    def make_prover(self, margins: FloatArray) -> ClearanceProver:
+        """Returns what bounds the body's slack beyond margins from walls, shape (d,), m.
+
+        Between two parts of the body the scene's own margins count.
+        """
+        walls = (mesh.wall_tree for mesh in self.meshes)
+        meshes = tuple(zip(self._fields, walls, self._sides, strict=True))
+        required = self.body.part_margins(margins)
+        return ClearanceProver(required, self._bare, self.body.arrays, self._self_pairs, meshes)
 
     def check(self, positions: ArrayLike, rotations: ArrayLike) -> Codes:
         """Returns the verdict on each state.
@@ -385,10 +398,10 @@ class CollisionScene:
 
     def _self_contact(self, positions: FloatArray) -> tuple[int, int] | None:
         """Returns two parts that touch, or None; the state's solids must be placed."""
-        found = int(near_pairs(self._self_pairs, positions, self._near))
+        found = int(near_pairs(self._self_pairs, positions, 0.0, self._near))
         if found > len(self._near):
             self._near = np.zeros((found, 2), dtype=np.int64)
-            near_pairs(self._self_pairs, positions, self._near)
+            near_pairs(self._self_pairs, positions, 0.0, self._near)
         first = self.body.arrays.part_first
         disks = len(positions)
         for k, j in self._near[:found].tolist():
