@@ -30,7 +30,7 @@ class SolvedStates:
         residual: Shape (k,), N m.
         strain: Largest bending strain of each segment's backbone, shape (k, segments).
         clearance: Shape (k,), m; NaN where there is no shape.
-        touches_itself: Whether the body, grown by half a step, touches itself, shape (k,).
+        touches_itself: Whether the body touches itself, shape (k,).
         positions: Disk centres, shape (k, d, 3), m, world frame.
         rotations: world_from_disk, shape (k, d, 3, 3).
         halvings: How often the gap behind each state has been halved below the step, shape (k,).
@@ -84,17 +84,15 @@ class SolvedStates:
 class StateSolver:
     """Solves configurations with the reference and measures their shapes in a scene."""
 
-    def __init__(self, space: ConfigurationSpace, scene: CollisionScene, self_margin: float) -> None:
+    def __init__(self, space: ConfigurationSpace, scene: CollisionScene) -> None:
         """Prepares the solver.
 
         Args:
             space: The scenario's configurations.
             scene: The scene with the body as it is, without margins.
-            self_margin: By how much each part of the body is grown before it may touch another, m.
         """
         self._space = space
         self._scene = scene
-        self._grown_scene = scene.with_margins(np.full(space.robot.disk_count, self_margin))
 
     def solve(self, rows: FloatArray) -> SolvedStates:
         """Returns the states of configurations, shape (k, dimension), each by itself."""
@@ -110,7 +108,7 @@ class StateSolver:
         touches_itself = np.zeros(len(rows), dtype=np.bool_)
         if converged.any():
             clearance[converged] = self._scene.clearance(positions[converged], rotations[converged])
-            touches_itself[converged] = self._grown_scene.touches_itself(positions[converged], rotations[converged])
+            touches_itself[converged] = self._scene.touches_itself(positions[converged], rotations[converged])
         return SolvedStates(
             rows=rows,
             tensions=actuation.tensions,

@@ -1,9 +1,10 @@
 """Verification: the Cosserat reference on every state of a path, independent of the model that found it.
 
-Between two neighbouring states i and j no point of the body moves farther than L_ij, measured on the reference
-shapes. A point that lies rho from its place at i lies at most L_ij - rho from its place at j, so anywhere in between
-its clearance is at least (c_i + c_j - L_ij) / 2. A path is verified when that bound keeps the asked clearance on every
-gap; gaps where it does not are halved until it does or the halves say that it never will.
+What lies between two neighbouring states is judged as in the search (`collision.prover`), on the reference shapes: a
+part of the body is free if balls about it are, all along its straight way, or if its clearances c_i and c_j in the two
+states suffice for the distance L_ij that its points move, since anywhere in between its clearance is at least
+(c_i + c_j - L_ij) / 2. A path is verified when every part is shown to keep the asked clearance on every gap; gaps where
+one is not are halved until it is or the halves say that it never will be.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.scene import CollisionScene
+from tdcr_planner.planning.kernels import disk_motions
 from tdcr_planner.planning.scenario import Goal
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import disk_reaches
@@ -24,8 +26,9 @@ from tdcr_planner.se3 import transform_points
 from tdcr_planner.shape.base import ShapeModel
 from tdcr_planner.solved_states import SolvedStates, StateSolver
 
-# Halving a gap of step_m this often leaves 1/64 of it: below that, missing clearance is missing, not unproven.
-MAX_HALVINGS = 6
+# Halving a gap of step_m this often leaves 1/1024 of it: below that, missing clearance is missing, not unproven. The
+# search ends at 1/64, so that what it accepts is not refused here for want of halvings.
+MAX_HALVINGS = 10
 
 
 @dataclass(frozen=True)
@@ -131,8 +134,9 @@ class Verifier:
         self.clearance = clearance
         self.model = model
         self._robot: RobotSpec = space.robot
-        # Between two states either of two parts strays by at most half a step from its nearer state.
-        self._solver = StateSolver(space, scene, self_margin=0.5 * step)
+        self._reaches = disk_reaches(self._robot)
+        self._solver = StateSolver(space, scene)
+        self._prover = scene.make_prover(np.full(space.robot.disk_count, clearance))
 
     def verify(
         self, rows: FloatArray, goals: Sequence[tuple[int, Goal]] = ()
@@ -152,14 +156,18 @@ class Verifier:
         allowance = np.nan_to_num(np.ceil(np.log2(excess))).astype(np.int64)
         states = replace(states, halvings=np.append(-allowance, 0))
         failure = self._judge_states(states) or self._judge_goals(states, goals)
+        shown = np.zeros(len(rows) - 1, dtype=np.bool_)
         while failure is None:
-            gaps = self._open_gaps(states)
+            apart = self.body_motion(states.positions, states.rotations)
+            shown = self._show(states, apart, shown)
+            gaps = np.flatnonzero(~shown | (apart > self.step))
             if not len(gaps):
                 break
             failure = self._judge_gaps(states, gaps)
             if failure is None:
                 middle = 0.5 * (states.rows[gaps] + states.rows[gaps + 1])
                 states = states.halve(gaps, self._solver.solve(middle))
+                shown = np.insert(shown, gaps + 1, shown[gaps])
                 failure = self._judge_states(states)
         return self._report(states, failure), states
 
@@ -180,7 +188,7 @@ class Verifier:
             (~states.converged, "statics", "the reference did not converge"),
             (states.converged & ~states.stable, "statics", "the reference shape is not stable"),
             (~states.in_limits(self._robot), "limits", "a limit on tension, tendon displacement or strain is exceeded"),
-            (states.touches_itself, "self_collision", "the robot comes within half a step of itself"),
+            (states.touches_itself, "self_collision", "the robot touches itself"),
         ):
             if failing.any():
                 state = int(np.argmax(failing))
@@ -211,11 +219,37 @@ class Verifier:
                     return _Failure("goal", f"{where}: {message}", state)
         return None
 
-    def _open_gaps(self, states: SolvedStates) -> IntArray:
-        """Returns the gaps whose motion is too far or whose clearance in between is not shown, as first states."""
-        motion = self.body_motion(states.positions, states.rotations)
-        shown = states.clearance[:-1] + states.clearance[1:] - motion >= 2.0 * self.clearance
-        return np.flatnonzero(~shown | (motion > self.step))
+    def _show(self, states: SolvedStates, apart: FloatArray, shown: BoolArray) -> BoolArray:
+        """Returns which gaps are shown to keep the clearance.
+
+        Args:
+            states: The states, k of them.
+            apart: How far the body moves between neighbours, shape (k - 1,), m.
+            shown: Which gaps are known to keep it, shape (k - 1,).
+        """
+        gaps = np.flatnonzero(~shown)
+        if not len(gaps):
+            return shown
+        # Along the path by how far the body moves, so that a motion of even speed has no second differences.
+        along = np.concatenate([[0.0], np.cumsum(apart + 1e-12)])
+        order = np.arange(len(along))
+        motions, stray = disk_motions(states.positions, states.rotations, along, order, self._reaches)
+        if len(along) == 2:
+            stray = np.full(stray.shape, np.inf)
+        # Pairs of states, one after the other; between two pairs nothing moves.
+        pairs = np.stack([gaps, gaps + 1], axis=1).reshape(-1)
+        motion = np.zeros((len(pairs) - 1, motions.shape[1]))
+        off = np.zeros_like(motion)
+        motion[::2], off[::2] = motions[gaps], stray[gaps]
+        record = self._prover.record(len(pairs))
+        # No part keeps less than the body as a whole.
+        record.slack[:] = (states.clearance[pairs] - self.clearance)[:, None]
+        _, moved = self._prover.open_intervals(
+            states.positions[pairs], states.rotations[pairs], np.arange(len(pairs)), motion, off, record, np.inf
+        )
+        shown = shown.copy()
+        shown[gaps] = moved[::2] == 0.0
+        return shown
 
     def _judge_gaps(self, states: SolvedStates, gaps: IntArray) -> _Failure | None:
         """Returns the failure of the first open gap that has been halved as often as is sensible, or None."""
@@ -239,7 +273,7 @@ class Verifier:
         """
         shift = np.linalg.norm(np.diff(positions, axis=0), axis=2)
         chord = np.linalg.norm(np.diff(rotations, axis=0), axis=(2, 3)) / np.sqrt(2.0)
-        return np.asarray((shift + disk_reaches(self._robot) * chord).max(axis=1))
+        return np.asarray((shift + self._reaches * chord).max(axis=1))
 
     def _report(self, states: SolvedStates, failure: _Failure | None) -> VerificationReport:
         if failure is None:

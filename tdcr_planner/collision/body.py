@@ -111,6 +111,13 @@ class RobotBody:
         """Returns the same body grown by other margins, shape (d,), m."""
         return RobotBody(self.robot, margins, self.shaft)
 
+    def part_margins(self, margins: FloatArray) -> FloatArray:
+        """Returns margins of disks, shape (d,), m, as those of the parts, shape (q,), m, in the order of `part_names`."""
+        disks = np.arange(self.robot.disk_count - 1, 0, -1)
+        gaps = np.maximum(margins[disks - 1], margins[disks])
+        parts = np.stack([margins[disks], gaps], axis=1).reshape(-1)
+        return parts if self.shaft is None else np.append(parts, margins[0])
+
     def _build(self, shaft_start: FloatArray) -> BodyArrays:
         robot, names = self.robot, []
         rows: list[tuple[int, int, tuple[float, float, float], float, float, int]] = []

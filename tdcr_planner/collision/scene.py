@@ -18,6 +18,8 @@ from tdcr_planner.collision.containment import make_side, wrong_part
 from tdcr_planner.collision.field import CELLS, build_field
 from tdcr_planner.collision.meshes import SceneMesh, format_point
 from tdcr_planner.collision.narrow import BodyObjects, MeshObject
+from tdcr_planner.collision.prover import ClearanceProver
+from tdcr_planner.collision.room import SplitCells, make_split_cells, part_rooms, signed_distance
 from tdcr_planner.collision.self_contact import make_self_pairs, near_pairs
 from tdcr_planner.collision.settle import screen, settle_batch
 from tdcr_planner.errors import InputError
@@ -113,6 +115,7 @@ class CollisionScene:
     Attributes:
         meshes: The meshes.
         body: The body, grown by its margins.
+        prover: Bounds what the body keeps beyond its margins, in and between states.
     """
 
     def __init__(
@@ -143,6 +146,8 @@ class CollisionScene:
         self._codes = tuple(np.int8(_mesh_verdict(mesh)) for mesh in self.meshes)
         _hint_at_units(self.meshes, body)
         self._grown: dict[bytes, CollisionScene] = {}
+        # Made at the first question about room; scenes grown by other margins share it.
+        self._split: list[SplitCells] = []
         self._set_body(body)
 
     def _set_body(self, body: RobotBody) -> None:
@@ -151,6 +156,7 @@ class CollisionScene:
         self._self_pairs = make_self_pairs(body)
         self._near = np.zeros((MAX_SELF_PAIRS, 2), dtype=np.int64)
         self._bare = body.with_margins(np.zeros(body.robot.disk_count)).arrays
+        self.prover = self.make_prover(body.margins)
 
     def with_margins(self, margins: ArrayLike) -> CollisionScene:
         """Returns the scene with the body grown by other margins, shape (d,), m; what was built is shared.
@@ -164,6 +170,16 @@ class CollisionScene:
             scene._set_body(self.body.with_margins(margins))
             self._grown[key] = scene
         return self._grown[key]
+
+    def make_prover(self, margins: FloatArray) -> ClearanceProver:
+        """Returns what bounds the body's slack beyond margins from walls, shape (d,), m.
+
+        Between two parts of the body the scene's own margins count.
+        """
+        walls = (mesh.wall_tree for mesh in self.meshes)
+        meshes = tuple(zip(self._fields, walls, self._sides, strict=True))
+        required = self.body.part_margins(margins)
+        return ClearanceProver(required, self._bare, self.body.arrays, self._self_pairs, meshes)
 
     def check(self, positions: ArrayLike, rotations: ArrayLike) -> Codes:
         """Returns the verdict on each state.
@@ -325,6 +341,45 @@ class CollisionScene:
         best[~finite] = -np.inf
         return best
 
+    def part_rooms(self, positions: FloatArray, rotations: FloatArray, most: float) -> FloatArray:
+        """Returns an estimate of each part's distance from the nearest surface, margins taken off, as a guide.
+
+        It is negative where the part, grown by its margin, touches a surface or is on its wrong side: how deep. It comes
+        from the fields alone and is no bound. Self-collision does not count.
+
+        Args:
+            positions: Disk centres, shape (n, d, 3), m, world frame.
+            rotations: world_from_disk, shape (n, d, 3, 3).
+            most: What is not exceeded, m: parts that have more are not looked at closely.
+
+        Returns:
+            Shape (n, q), m, in the order of `RobotBody.part_names`.
+        """
+        rooms = np.full((len(positions), len(self.body.part_names)), float(most))
+        if not self._split:
+            self._split.extend(
+                make_split_cells(field, mesh.wall_tree, side)
+                for mesh, side, field in zip(self.meshes, self._sides, self._fields, strict=True)
+            )
+        for mesh, side, field, split in zip(self.meshes, self._sides, self._fields, self._split, strict=True):
+            part_rooms(field, mesh.wall_tree, side, split, self.body.arrays, positions, rotations, rooms)
+        return rooms
+
+    def nearest_mesh(self, point: ArrayLike) -> tuple[float, str]:
+        """Returns a point's distance from the nearest surface, m, negative on a mesh's wrong side, and the mesh's name.
+
+        Where several meshes are in question, the one of least signed distance; infinity and "" without meshes.
+
+        Args:
+            point: Shape (3,), m, world frame.
+        """
+        x, y, z = (float(value) for value in np.asarray(point, dtype=np.float64))
+        found = [
+            (float(signed_distance(mesh.wall_tree, side, x, y, z)), mesh.name)
+            for mesh, side in zip(self.meshes, self._sides, strict=True)
+        ]
+        return min(found, default=(float("inf"), ""))
+
     def touches_itself(self, positions: ArrayLike, rotations: ArrayLike) -> BoolArray:
         """Returns which states' bodies, margins included, touch themselves, shape (n,), whatever the meshes say.
 
@@ -343,10 +398,10 @@ class CollisionScene:
 
     def _self_contact(self, positions: FloatArray) -> tuple[int, int] | None:
         """Returns two parts that touch, or None; the state's solids must be placed."""
-        found = int(near_pairs(self._self_pairs, positions, self._near))
+        found = int(near_pairs(self._self_pairs, positions, 0.0, self._near))
         if found > len(self._near):
             self._near = np.zeros((found, 2), dtype=np.int64)
-            near_pairs(self._self_pairs, positions, self._near)
+            near_pairs(self._self_pairs, positions, 0.0, self._near)
         first = self.body.arrays.part_first
         disks = len(positions)
         for k, j in self._near[:found].tolist():

@@ -84,8 +84,8 @@ def make_self_pairs(body: RobotBody) -> SelfPairs:
 
 
 @njit(cache=True, nogil=True)
-def near_pairs(pairs, positions, found):  # type: ignore[no-untyped-def]
-    """Writes pairs (k, j) of disks whose neighbourhoods could touch; j = 0 stands for the shaft. Returns their number.
+def near_pairs(pairs, positions, apart, found):  # type: ignore[no-untyped-def]
+    """Writes pairs (k, j) of disks whose neighbourhoods may be nearer than `apart`; j = 0 stands for the shaft.
 
     From disk j on, the distance to disk k shrinks by no more than one spacing a disk, so disks are skipped that cannot
     have come near yet.
@@ -93,7 +93,11 @@ def near_pairs(pairs, positions, found):  # type: ignore[no-untyped-def]
     Args:
         pairs: `SelfPairs`.
         positions: Disk centres, shape (d, 3), m.
+        apart: Distance of interest, m; 0 for touching.
         found: Where to write, shape (any, 2); pairs beyond its length are counted only.
+
+    Returns:
+        The number of pairs.
     """
     total = 0
     spacing = 1e-9
@@ -101,7 +105,7 @@ def near_pairs(pairs, positions, found):  # type: ignore[no-untyped-def]
     for k in range(1, count):
         spacing = max(spacing, _distance(positions[k], positions[k - 1]))
     # Reaches are those of the unloaded robot: poses that stand farther apart reach farther.
-    stretch = 2.0 * max(0.0, spacing - pairs.spacing)
+    stretch = 2.0 * max(0.0, spacing - pairs.spacing) + apart
     for k in range(1, count):
         j = pairs.apart[k]
         while j >= 1:

@@ -324,6 +324,6 @@ def screen(pairs, positions, rotations, undefined, codes, near):  # type: ignore
                 for b in range(3):
                     value += rotations[row, k, a, b]
         codes[row] = 0 if math.isfinite(value) else undefined
-        near[row] = codes[row] == 0 and near_pairs(pairs, positions[row], none) > 0
+        near[row] = codes[row] == 0 and near_pairs(pairs, positions[row], 0.0, none) > 0
         total += near[row]
     return total

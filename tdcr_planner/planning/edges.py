@@ -11,33 +11,44 @@ from functools import lru_cache
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray, IntArray
-from tdcr_planner.planning.kernels import body_motion, fill_intervals
+from tdcr_planner.planning.kernels import disk_motions, fill_intervals
 from tdcr_planner.planning.validity import CAUSES, Cause, Scene, Shapes, ValidityChecker, disk_reaches
 
-_COARSE_STEPS = 4.0  # spacing of the first samples of an edge, in steps
+_COARSE_STEPS = 4.0  # spacing of the first states of an edge, in steps
+_WIDEST_STEPS = 8.0  # motion, in steps, above which an interval is split however much room there is
+_EXACT_STEPS = 1.0  # motion, in steps, above which distances are not measured: a split costs less
+_SPLITS = 64.0  # steps over the motion at which an edge counts as blocked
+_FINEST_M = 2e-6  # the same as an absolute motion: twice what the collision tests resolve
+_MOST_PIECES = 4  # of an interval at once
 _MOST_ROUNDS = 40
 _MOST_STATES = 50_000
 _REMEMBERED = 200_000
 
 
 class EdgeChecker:
-    """Checks edges: the end state first, then states in between so dense that nothing fits between them.
+    """Checks edges by conservative advancement: long steps where there is room, short ones beside walls.
 
-    It stops at the first state found to hit; only the states up to that one count as checked.
-
-    What is guaranteed. Let m be the clearance asked for plus the model's error bound. Every state taken keeps
-    m + step / 2 (`planning_margins`). At each moment between two neighbouring states every point of the body is within
-    step / 2 of its place in one of them, hence keeps m. `kernels.body_motion` has the bound: the points between two
+    What is guaranteed. Let m be the clearance asked for plus the model's error bound. Each state taken keeps m
+    (`planning_margins`), and of each part of the body a lower bound c on its slack, what it keeps beyond m, is known.
+    Where the points of the part stray from two neighbouring states by L, both added up, its slack in between is at
+    least (c_i + c_j - L) / 2 (Schwarzer, Saha and Latombe 2005, "Adaptive dynamic collision checking for single and
+    multiple articulated robots in complex environments"). An interval is proved where that is 0 or more for every
+    part, else it is split, down to a motion of step / 64, where the edge counts as blocked. The points between two
     disks (backbone, tendons, sleeve) lie on straight lines between disk points and move no farther than the farther
     end, the shaft follows disk 0.
 
-    What it rests on. The bound on the motion between two states takes the curvature of the motion from second
-    differences at the spacing of the states, doubled. It holds for shape models that do not change their mind within
-    a fraction of `step`; a model that jumps between two equilibria has no bound at any spacing.
+    What it rests on. The bound on the motion between two states (`kernels.disk_motions`) takes the curvature of the
+    motion from second differences at the spacing of the states, doubled. It holds for shape models that do not change
+    their mind between two states; a model that jumps between two equilibria has no bound at any spacing.
+
+    The end state is tested first, then states in between, and the first one found to hit ends it; only the states up
+    to that one count as checked.
 
     Attributes:
         checker: The validity checker that it asks.
-        step: Largest motion of a point of the body between checked states, m.
+        step: Largest motion of a point of the body between the states of a path as written, m; an edge's first states
+            stand some steps apart.
+        resolution: Motion below which an interval that is not proved counts as blocked, m.
         edges_checked: How many edges it has tested.
         edges_rejected: How many of them were rejected.
     """
@@ -46,6 +57,7 @@ class EdgeChecker:
         """Prepares the edge checker for a step in metres."""
         self.checker = checker
         self.step = float(step)
+        self.resolution = max(self.step / _SPLITS, _FINEST_M)
         self.edges_checked = 0
         self.edges_rejected = 0
         self._reaches = disk_reaches(checker.robot)
@@ -92,8 +104,9 @@ class EdgeChecker:
         for _ in range(_MOST_ROUNDS):
             positions, rotations, _ = self.checker.world_poses(_between(row_a, row_b, along))
             order = np.arange(len(along))
-            motion = np.nan_to_num(body_motion(positions, rotations, along, order, self._reaches))
-            added = fill_intervals(along, order, motion, size)
+            motions, _ = disk_motions(positions, rotations, along, order, self._reaches)
+            motion = np.nan_to_num(motions).max(axis=1)
+            added = fill_intervals(along, order, motion, np.full(len(motion), size), _MOST_STATES)
             if not len(added) or len(along) + len(added) > _MOST_STATES:
                 break
             along = np.sort(np.concatenate([along, added]))
@@ -126,12 +139,34 @@ class EdgeChecker:
             return False
         self._remember(key_a)
         self._remember(key_b)
+        return self._between_free(row_a, row_b, shapes, along, order)
+
+    def _between_free(
+        self, row_a: FloatArray, row_b: FloatArray, shapes: Shapes, along: FloatArray, order: IntArray
+    ) -> bool:
+        """Returns whether all that lies between the free states of an edge is shown to be free, adding states to them.
+
+        Args:
+            row_a: Start, shape (dimension,).
+            row_b: End, shape (dimension,).
+            shapes: The states that are known to be free.
+            along: Where on the edge they lie, shape (n,).
+            order: What puts them in order, shape (n,).
+        """
+        checker, prover = self.checker, self.checker.scene.prover
+        record = prover.record(len(along))
         while True:
-            motion = body_motion(shapes.positions, shapes.rotations, along, order, self._reaches)
-            added = fill_intervals(along, order, motion, self.step)
+            motion, stray = disk_motions(shapes.positions, shapes.rotations, along, order, self._reaches)
+            room, moved = prover.open_intervals(
+                shapes.positions, shapes.rotations, order, motion, stray, record, _EXACT_STEPS * self.step
+            )
+            blocked = (moved > 0.0) & (moved <= self.resolution)
+            wide = (moved == 0.0) & (motion.max(axis=1) > _WIDEST_STEPS * self.step)
+            moved[wide], room[wide] = motion[wide].max(axis=1), _WIDEST_STEPS * self.step
+            added = fill_intervals(along, order, moved, room, _MOST_PIECES)
             if not len(added):
                 return True
-            if len(along) + len(added) > _MOST_STATES:
+            if blocked.any() or len(along) + len(added) > _MOST_STATES:
                 checker.rejected[Cause.EDGE] += 1
                 return False
             added = added[_middles_first(len(added))]
@@ -143,7 +178,7 @@ class EdgeChecker:
                 return False
             along = np.concatenate([along, added])
             order = np.argsort(along, kind="stable")
-            shapes = _join(shapes, tested)
+            shapes, record = _join(shapes, tested), record.extended(len(added))
 
     def _all_free(self, shapes: Shapes, first: int) -> bool:
         """Asks the scene about states, from `first` on, that no cheaper test has rejected, and counts them."""

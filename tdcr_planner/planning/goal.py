@@ -7,7 +7,10 @@ from typing import Protocol
 import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.planning.goal_room import RoomSearch
+from tdcr_planner.planning.relaxation import offers_room, within_limits
 from tdcr_planner.planning.scenario import Goal
+from tdcr_planner.planning.shortfall import describe_shortfall
 from tdcr_planner.planning.validity import ValidityChecker, sample_within_tensions
 
 _DIFFERENCE_M = 1e-3  # body motion of a finite difference: far above float32 noise, far below the arcs' radii
@@ -15,6 +18,7 @@ _LONGEST_STEP_M = 0.05
 _REFINEMENTS = 12
 _DIVERSITY_M = 0.005
 _AIM = 0.05  # refinement stops this near to its aim, as a share of the tolerances
+_NEAR_KEPT = 48  # shapes that reach the goal and collide, from which a search for room starts
 _LEAST_SHARE = 0.3  # of the tolerances, left for aiming beside what the model errs by
 
 
@@ -45,6 +49,10 @@ class GoalSource(Protocol):
 
     def obstruction(self) -> str:
         """Returns what is in the way of a configuration that reaches the goal; empty where none is known."""
+        ...
+
+    def exhausted(self) -> bool:
+        """Returns whether looking for more goal states has stopped gaining."""
         ...
 
     def satisfied(self, row: FloatArray) -> bool:
@@ -83,6 +91,10 @@ class ConfigurationGoal:
         """Returns nothing: an invalid configuration is told by `unreachable`."""
         return ""
 
+    def exhausted(self) -> bool:
+        """Returns true: there is no other state to be found."""
+        return True
+
     def satisfied(self, row: FloatArray) -> bool:
         """Returns whether a row is the goal configuration."""
         return bool(np.allclose(row, self._row, rtol=0.0, atol=1e-9))
@@ -117,7 +129,7 @@ class TipGoal:
         self._share = float(np.clip(1.0 - checker.model.error_bound[-1] / self._tolerance, _LEAST_SHARE, 0.9))
         self._generator = np.random.default_rng(seed)
         slow = checker.model.name == "reference"
-        self._samples, self._kept = (96, 8) if slow else (2048, 96)
+        self._samples, self._kept, self._moved = (96, 8, 16) if slow else (2048, 96, 48)
         self._next_due = 32
         self._taken = 0
         self.rounds = 0
@@ -125,6 +137,9 @@ class TipGoal:
         self.reached = 0
         self.nearest: tuple[FloatArray, FloatArray] = (np.full(3, np.inf), np.full(3, np.nan))
         self._blocked: FloatArray | None = None
+        self._room: RoomSearch | None = None
+        if offers_room(checker):
+            self._room = RoomSearch(checker, lambda *poses: self._errors(*poses) / self._share, seed)
 
     def take(self) -> list[FloatArray]:
         """Returns the valid goal states found since the last call."""
@@ -142,24 +157,31 @@ class TipGoal:
     def search(self) -> None:
         """Runs one round; valid states that it finds are added to `rows`."""
         self.rounds += 1
-        rows = sample_within_tensions(self._checker, self._samples, self._generator)
-        residual, _ = self._residuals(rows)
+        samples = sample_within_tensions(self._checker, self._samples, self._generator)
+        residual, _ = self._residuals(samples)
         size = np.linalg.norm(residual, axis=1)
-        rows = rows[np.argsort(size, kind="stable")[: self._kept]]
+        rows = samples[np.argsort(size, kind="stable")[: self._kept]]
         rows = self._refine(rows, self._aims(len(rows)))
         residual, tips = self._residuals(rows)
         size = np.linalg.norm(residual, axis=1)
         nearest = int(np.argmin(size))
         if size[nearest] < np.linalg.norm(self.nearest[0]):
             self.nearest = (residual[nearest], tips[nearest])
-        within = self._within(residual, self._share)
-        self.reached += int(within.sum())
-        if within.any():
-            candidates = rows[within]
-            valid = self._checker.valid(candidates)
-            self.rows.extend(self._diverse(candidates[valid]))
-            if not valid.all():
-                self._blocked = candidates[~valid][0]
+        candidates = rows[self._within(residual, self._share)]
+        if not self._keep_valid(candidates) and self._room is not None:
+            narrow = self._room.search(samples, candidates[:_NEAR_KEPT], self._moved)
+            self._keep_valid(narrow[:_NEAR_KEPT])
+
+    def _keep_valid(self, candidates: FloatArray) -> bool:
+        """Keeps the valid ones of configurations that reach the goal; returns whether there is any."""
+        self.reached += len(candidates)
+        if not len(candidates):
+            return False
+        valid = self._checker.valid(candidates)
+        self.rows.extend(self._diverse(candidates[valid]))
+        if not valid.all():
+            self._blocked = candidates[~valid][0]
+        return bool(valid.any())
 
     def unreachable(self) -> str:
         """Returns the nearest reachable tip position when no round has come within the tolerance, collisions aside."""
@@ -183,10 +205,18 @@ class TipGoal:
         )
 
     def obstruction(self) -> str:
-        """Returns what is in the way of one of the configurations that reach the goal, and how many those are."""
-        if self._blocked is None:
+        """Returns what is in the way of the roomiest configuration that reaches the goal, and how many were tried."""
+        blocked = self._blocked
+        if self._room is not None and self._room.best is not None:
+            blocked = self._room.best
+        if blocked is None:
             return ""
-        return f"{self.reached} that reach it were tried; in the way of one: {self._checker.explain(self._blocked)}"
+        tried = f"{self.reached} that reach it were tried"
+        return f"{tried}; in the way of the roomiest: {describe_shortfall(self._checker, blocked)}"
+
+    def exhausted(self) -> bool:
+        """Returns whether the last rounds have brought no goal state and nothing nearer to one."""
+        return self._room is not None and self._room.exhausted
 
     def satisfied(self, row: FloatArray) -> bool:
         """Returns whether a configuration brings the tip within the tolerances."""
@@ -196,12 +226,16 @@ class TipGoal:
     def _residuals(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Returns errors in units of their tolerance, shape (n, 3 or 6), infinite without a shape, and the tips."""
         positions, rotations, solved = self._checker.world_poses(rows)
-        tips = positions[:, -1]
-        residual = (tips - self._target) / self._tolerance
+        residual = self._errors(positions, rotations)
+        residual[~solved] = np.inf
+        return residual, positions[:, -1]
+
+    def _errors(self, positions: FloatArray, rotations: FloatArray) -> FloatArray:
+        """Returns the errors of shapes in units of their tolerance, shape (n, 3 or 6)."""
+        residual = (positions[:, -1] - self._target) / self._tolerance
         if self._view is not None:
             residual = np.concatenate([residual, (rotations[:, -1, :, 2] - self._view) / self._chord], axis=1)
-        residual[~solved] = np.inf
-        return residual, tips
+        return residual
 
     def _within(self, residual: FloatArray, share: float) -> BoolArray:
         inside = np.linalg.norm(residual[:, :3], axis=1) <= share
@@ -226,9 +260,8 @@ class TipGoal:
             active = np.flatnonzero(~self._within(best_residual, _AIM) & np.isfinite(best_residual).all(axis=1))
             if not len(active):
                 break
-            tried = self._project(
-                best[active] + self._step(best[active], best_residual[active], aims[active], damping[active])
-            )
+            moves = self._step(best[active], best_residual[active], aims[active], damping[active])
+            tried = within_limits(self._checker, best[active] + moves)
             residual = self._residuals(tried)[0] - aims[active]
             better = np.linalg.norm(residual, axis=1) < np.linalg.norm(best_residual[active], axis=1)
             moved = active[better]
@@ -252,18 +285,6 @@ class TipGoal:
         length = np.linalg.norm(moves, axis=1)
         moves *= np.minimum(1.0, _LONGEST_STEP_M / np.maximum(length, 1e-12))[:, None]
         return np.asarray(moves / scale)
-
-    def _project(self, rows: FloatArray) -> FloatArray:
-        """Returns rows within the bounds and, by shrinking bending vectors, within the tension limits."""
-        space, robot = self._checker.space, self._checker.robot
-        rows = np.clip(rows, space.lower, space.upper)
-        tensions = self._checker.actuate(rows).tensions - robot.pretensions
-        room = robot.max_tensions - robot.pretensions
-        for index in range(robot.segment_count):
-            columns = robot.tendon_segments == index
-            excess = (tensions[:, columns] / room[columns]).max(axis=1)
-            rows[:, 2 * index : 2 * index + 2] /= np.maximum(excess, 1.0)[:, None]
-        return rows
 
     def _diverse(self, rows: FloatArray) -> FloatArray:
         """Returns the rows that are not next to one another or to a known state."""

@@ -165,14 +165,14 @@ def to_world(positions, rotations, base_positions, base_rotations):  # type: ign
 
 
 @njit(cache=True)
-def body_motion(positions, rotations, parameters, order, reaches):  # type: ignore[no-untyped-def]
-    """Returns how far the body may stray from the nearer of two neighbouring states, doubled, between each two.
+def disk_motions(positions, rotations, parameters, order, reaches):  # type: ignore[no-untyped-def]
+    """Returns how far the points of each disk move between two neighbouring states, and stray from straight lines.
 
     A point of disk k at distance rho <= reaches[k] from its centre moves by at most |dp| + rho 2 sin(angle / 2), and
     2 sin(angle / 2) = |dR| / sqrt 2 with the Frobenius norm. A path x(t) leaves the chord over an interval of width h
-    by at most h^2 / 8 max|x''|, so at each t one of the two ends is nearer than |dx| / 2 + h^2 / 8 max|x''|. The
-    second derivative is taken from the divided differences at both ends of the interval and doubled, which also covers
-    a kink (a jump J of the slope leaves the chord by up to h J / 4).
+    by at most h^2 / 8 max|x''|, so at each t its distances from the two ends add up to at most |dx| + h^2 / 4 max|x''|,
+    and the nearer end is within half of that. The second derivative is taken from the divided differences at both ends
+    of the interval and doubled, which also covers a kink (a jump J of the slope leaves the chord by up to h J / 4).
 
     Args:
         positions: Disk centres along an edge, shape (n, d, 3), m, n of 3 or more.
@@ -182,10 +182,12 @@ def body_motion(positions, rotations, parameters, order, reaches):  # type: igno
         reaches: Largest distance of a point from its disk's centre, shape (d,), m.
 
     Returns:
-        Shape (n - 1,), m: for each interval of the ordered states max over disks of |dx| + h^2 / 2 |x''|.
+        Shape (n - 1, d), m, each, for each disk in each interval of the ordered states: a bound on the sum of a point's
+        distances from its places in the two states, |dx| + h^2 / 2 |x''|, and on its distance from the straight line
+        between them at the same share of the interval, h^2 / 4 |x''|.
     """
     count, disks = positions.shape[0], positions.shape[1]
-    motion = np.zeros(count - 1)
+    motion, stray = np.empty((count - 1, disks)), np.empty((count - 1, disks))
     half = math.sqrt(0.5)
     slopes = np.empty((count - 1, 12))
     chord, bend = np.empty(count - 1), np.zeros(count)
@@ -213,28 +215,36 @@ def body_motion(positions, rotations, parameters, order, reaches):  # type: igno
             bend[row] = (math.sqrt(shift) + reaches[disk] * math.sqrt(turn)) * 2.0 / both
         for row in range(count - 1):
             width = parameters[order[row + 1]] - parameters[order[row]]
-            value = chord[row] + 0.5 * width * width * max(bend[row], bend[row + 1])
-            motion[row] = max(motion[row], value)
-    return motion
+            stray[row, disk] = 0.25 * width * width * max(bend[row], bend[row + 1])
+            motion[row, disk] = chord[row] + 2.0 * stray[row, disk]
+    return motion, stray
 
 
 @njit(cache=True)
-def fill_intervals(parameters, order, motion, step):  # type: ignore[no-untyped-def]
-    """Returns the parameters to add so that intervals with more motion than step are split evenly, shape (m,)."""
-    parts = np.ceil(motion / (0.97 * step)).astype(np.int64)
+def fill_intervals(parameters, order, motion, limit, most):  # type: ignore[no-untyped-def]
+    """Returns the parameters to add so that intervals with more motion than their limit are split evenly, shape (m,).
+
+    Args:
+        parameters: Where on the edge the states lie, shape (n,).
+        order: Indices that put the parameters in increasing order, shape (n,).
+        motion: Motion in each interval of the ordered states, shape (n - 1,), m.
+        limit: The motion that each may have, shape (n - 1,), m.
+        most: Largest number of pieces that an interval is split into at once.
+    """
+    pieces = np.ones(motion.shape[0], dtype=np.int64)
     missing = 0
     for row in range(motion.shape[0]):
-        if motion[row] > step:
-            missing += max(parts[row], 2) - 1
+        if motion[row] > limit[row]:
+            wanted = motion[row] / max(0.97 * limit[row], 1e-30)
+            pieces[row] = most if wanted >= most else max(2, math.ceil(wanted))
+            missing += pieces[row] - 1
     added = np.empty(missing)
     place = 0
     for row in range(motion.shape[0]):
-        if motion[row] > step:
-            start, end = parameters[order[row]], parameters[order[row + 1]]
-            pieces = max(parts[row], 2)
-            for piece in range(1, pieces):
-                added[place] = start + (end - start) * piece / pieces
-                place += 1
+        start, end = parameters[order[row]], parameters[order[row + 1]]
+        for piece in range(1, pieces[row]):
+            added[place] = start + (end - start) * piece / pieces[row]
+            place += 1
     return added
 
 

@@ -24,6 +24,13 @@ PLANNERS: tuple[str, ...] = (
     "BKPIECE1",
     "LBKPIECE1",
 )
+# Those whose search ends at the first path and whose luck rests on their first samples; see docs/planning.md.
+RENEWED = frozenset({"RRTConnect", "RRT", "KPIECE1", "BKPIECE1"})
+FIRST_TREE = 512
+"""Iterations after which they start again, twice as many each time."""
+IMPROVING = frozenset({"RRTstar", "InformedRRTstar", "SORRTstar", "AORRTC", "BITstar"})
+# What every planner takes besides its own: an end by iterations, and what is tried before it.
+COMMON_PARAMETERS: dict[str, type] = {"iterations": int, "plain_motions": bool, "retraction": bool}
 REFUSED: dict[str, str] = {
     "PRM": "it runs a second thread, in which an exception or Ctrl-C ends the process",
     "PRMstar": "it runs a second thread, in which an exception or Ctrl-C ends the process",
@@ -62,7 +69,7 @@ def check_planner(name: str, parameters: dict[str, Any] | None = None) -> None:
         raise UnknownNameError("planner.name", name, PLANNERS, reason)
     if not parameters:
         return
-    known = {**planner_parameters(name), "iterations": int}
+    known = {**planner_parameters(name), **COMMON_PARAMETERS}
     for key, value in parameters.items():
         if key not in known:
             raise UnknownNameError(f"planner.parameters of {name}", key, known)

@@ -16,9 +16,19 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import ConfigurationGoal, GoalSource, TipGoal
 from tdcr_planner.planning.objectives import PathCost
-from tdcr_planner.planning.offered import PLANNERS, REFUSED, check_planner, planner_parameters, require_ompl
+from tdcr_planner.planning.offered import (
+    FIRST_TREE,
+    IMPROVING,
+    PLANNERS,
+    REFUSED,
+    RENEWED,
+    check_planner,
+    planner_parameters,
+    require_ompl,
+)
+from tdcr_planner.planning.passage import Passage
 from tdcr_planner.planning.scenario import Goal, Scenario
-from tdcr_planner.planning.smoothing import shorten
+from tdcr_planner.planning.smoothing import path_cost, shorten
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.tour import best_order
 from tdcr_planner.planning.validity import ValidityChecker, rejections
@@ -75,7 +85,9 @@ class SearchOutcome:
         rows: Waypoints of the path, shape (k, dimension), or None.
         goals: Index in rows at which each goal is reached, in the order of travel.
         order: The goals' numbers (from 0) in the order of travel.
-        statistics: name, iterations, goal_states, states_checked, edges_checked, rejected (a count a cause).
+        statistics: name, iterations, goal_states, states_checked, edges_checked, rejected (a count a cause), answered_by
+            ("plain_motions", "retraction", "planner", "roadmap" or "": what found the path of the last leg), and
+            retraction where states were pulled back (states, steps, out, from_insertion_m, to_insertion_m).
     """
 
     status: SearchStatus
@@ -147,8 +159,10 @@ class _Query:
     seed: int
     progress: Progress | None
     connector: Connector | None = None
-    iterations: int = 0
+    answered_by: str = ""
+    iterations_of_leg: dict[int, int] = field(default_factory=dict)
     sources: list[GoalSource] = field(default_factory=list)
+    passages: list[Passage] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._states_before = self.checker.states_checked
@@ -181,6 +195,8 @@ class _Query:
             found = self._way(rows[-1], source, leg, cost)
             if found is None:
                 message = f"no path to {self._name(number)} within the time given{self._commonest_rejection()}"
+                stopped = self.passages[-1].stopped_by() if self.passages else ""
+                message += f"; {stopped}" if stopped else ""
                 return self._outcome(SearchStatus.NO_PATH, message)
             found = shorten(self.edges, found, seed=self.seed + leg, deadline=self.deadline, cost=cost.edge)
             rows = np.concatenate([rows, found[1:]])
@@ -188,31 +204,74 @@ class _Query:
         return self._outcome(SearchStatus.FOUND, f"path of {len(rows)} waypoints", rows, tuple(reached), order)
 
     def _way(self, start: FloatArray, source: GoalSource, leg: int, cost: PathCost) -> FloatArray | None:
-        """Returns a valid way of one leg: one that is known, or else the planner's."""
+        """Returns a valid way of one leg: one that is known, a plain motion, one by retraction, or the planner's."""
         if self.connector is not None:
             known = self.connector.connect(self.edges, start, source, self.deadline)
             if known is not None:
+                self.answered_by = "roadmap"
                 return known
         now = time.monotonic()
         if now >= self.deadline:
             return None
         share = (self.deadline - now) / (len(self.sources) - leg)
+        self._leg_deadline = now + share - min(_SHORTENING_SHARE * share, _SHORTENING_RESERVE_S)
+        passage = Passage(self.edges, start, source, self.seed + leg, self._leg_deadline)
+        self.passages.append(passage)
+        return self._by_structure_or_planner(passage, leg, cost)
+
+    def _by_structure_or_planner(self, passage: Passage, leg: int, cost: PathCost) -> FloatArray | None:
+        """Tries plain motions, then a first tree where the planner grows trees, then retraction, then the planner."""
+        name, parameters = self.scenario.planner.name, self.scenario.planner.parameters
+        known = passage.by_plain_motions() if parameters.get("plain_motions", True) else None
+        if known is not None:
+            self.answered_by = "plain_motions"
+            if name not in IMPROVING or (cost.plain and len(known) == 2):
+                return known
+        retracts = passage.offered and bool(parameters.get("retraction", True))
+        if known is None and retracts:
+            # In open scenes a small tree is the cheaper answer.
+            found = self._by_planner(passage.starts, passage.source, leg, cost, FIRST_TREE) if name in RENEWED else None
+            if found is not None:
+                return found
+            known = passage.by_retraction()
+            if known is not None:
+                self.answered_by = "retraction"
+                if name not in IMPROVING:
+                    return known
+        goal = passage.goal if retracts and known is None else passage.source
+        found = self._by_planner(passage.starts, goal, leg, cost)
+        if found is not None:
+            found = passage.whole(found)
+        if known is None or found is None:
+            return known if found is None else found
+        known = shorten(self.edges, known, seed=self.seed + leg, deadline=self.deadline, cost=cost.edge)
+        return known if path_cost(known, cost.edge) < path_cost(found, cost.edge) else found
+
+    def _by_planner(
+        self, starts: FloatArray, goal: GoalSource, leg: int, cost: PathCost, most: int = 0
+    ) -> FloatArray | None:
+        """Returns the planner's way between one of some starts and a goal state, in at most so many iterations."""
         require_ompl()
         run = PlannerRun(
             checker=self.checker,
             edges=self.edges,
             name=self.scenario.planner.name,
             parameters=dict(self.scenario.planner.parameters),
-            deadline=now + share - min(_SHORTENING_SHARE * share, _SHORTENING_RESERVE_S),
+            deadline=self._leg_deadline,
             cost=cost,
             progress=self.progress,
+            iterations=self.iterations_of_leg.get(leg, 0),
+            most=most,
         )
-        found = run.run(start, source, self.seed + leg)
-        self.iterations += run.iterations
+        found = run.run(starts, goal, self.seed + leg)
+        self.iterations_of_leg[leg] = run.iterations
         if found is None:
             return None
-        found = _with_exact_ends(found, start, source)
-        return found if self.edges.path_valid(found) else None
+        found = _with_exact_ends(found, starts, goal)
+        if not self.edges.path_valid(found):
+            return None
+        self.answered_by = "planner"
+        return found
 
     def _source(self, goal: Goal, number: int) -> GoalSource:
         if goal.bending_n is not None:
@@ -229,7 +288,7 @@ class _Query:
             problem = source.unreachable()
             if problem and (attempt >= _FIRST_ROUNDS or isinstance(source, ConfigurationGoal)):
                 return problem
-            if time.monotonic() >= self.deadline:
+            if time.monotonic() >= self.deadline or (source.exhausted() and not source.rows):
                 return problem
         return ""
 
@@ -269,20 +328,24 @@ class _Query:
     ) -> SearchOutcome:
         statistics = {
             "name": self.scenario.planner.name,
-            "iterations": self.iterations,
+            "iterations": sum(self.iterations_of_leg.values()),
             "goal_states": sum(len(source.rows) for source in self.sources),
             "states_checked": self.checker.states_checked - self._states_before,
             "edges_checked": self.edges.edges_checked - self._edges_before,
             "rejected": self._rejected(),
+            "answered_by": self.answered_by if rows is not None else "",
         }
+        pulled_back = self.passages[-1].statistics() if self.passages else {}
+        if pulled_back:
+            statistics["retraction"] = pulled_back
         return SearchOutcome(status, message, rows, goals, order, statistics)
 
 
-def _with_exact_ends(rows: FloatArray, start: FloatArray, source: GoalSource) -> FloatArray:
-    """Returns a path whose ends are the given states: the planner's coordinates are rounded by their scaling."""
+def _with_exact_ends(rows: FloatArray, starts: FloatArray, goal: GoalSource) -> FloatArray:
+    """Returns a path whose ends are given states: the planner's coordinates are rounded by their scaling."""
     rows = rows.copy()
-    rows[0] = start
-    nearest = min(source.rows, key=lambda row: float(np.abs(row - rows[-1]).max()))
+    rows[0] = min(starts, key=lambda row: float(np.abs(row - rows[0]).max()))
+    nearest = min(goal.rows, key=lambda row: float(np.abs(row - rows[-1]).max()))
     if np.allclose(nearest, rows[-1], rtol=1e-9, atol=1e-12):
         rows[-1] = nearest
     return rows if len(rows) > 1 else np.concatenate([rows, rows])

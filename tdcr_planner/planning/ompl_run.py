@@ -18,7 +18,7 @@ from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import GoalSource
 from tdcr_planner.planning.interrupts import forget_frames, interrupts_kept
 from tdcr_planner.planning.objectives import PathCost
-from tdcr_planner.planning.offered import convert_parameter, planner_setters
+from tdcr_planner.planning.offered import COMMON_PARAMETERS, FIRST_TREE, RENEWED, convert_parameter, planner_setters
 from tdcr_planner.planning.validity import ValidityChecker
 
 Progress = Callable[[float, str], None]
@@ -26,12 +26,10 @@ Progress = Callable[[float, str], None]
 # AORRTC calls it an error when its first path is the straight one, which it cannot improve.
 _CHATTY = frozenset({"AORRTC"})
 _SINGLE_SHOT = frozenset({"FMT", "BFMT"})
-# Those whose search ends at the first path and whose luck rests on their first samples; see docs/planning.md.
-_RENEWED = frozenset({"RRTConnect", "RRT", "KPIECE1", "BKPIECE1"})
-FIRST_TREE = 512  # iterations after which they start again, twice as many each time
 _KEPT_SHARE = 0.2  # OMPL's default of the shortest part of a motion that KPIECE1 keeps
 _PROGRESS_PERIOD_S = 0.1
 _DEFAULT_RANGE = 0.1  # longest edge of a tree, in robot lengths of body motion
+_RANGES = 5  # each tree's edges are half as long as the last one's, and after so many trees as long as the first's
 
 
 @dataclass
@@ -46,7 +44,9 @@ class PlannerRun:
         deadline: When to end, by time.monotonic().
         cost: What the planners that improve their path minimise.
         progress: Told a fraction of the time and a message now and then; may raise to end the search.
-        iterations: How often the planner has asked whether to go on, in all of its trees.
+        iterations: How often the planner has asked whether to go on, in all of its trees; above 0 to go on counting from
+            an earlier run, after whose trees this one's come.
+        most: Ends the run once there are so many iterations; 0 for no such end.
         error: What a callback or Ctrl-C has raised, while OMPL runs.
     """
 
@@ -58,26 +58,30 @@ class PlannerRun:
     cost: PathCost
     progress: Progress | None = None
     iterations: int = 0
+    most: int = 0
     error: BaseException | None = None
 
     def __post_init__(self) -> None:
         self._begin = time.monotonic()
         self._reported = self._begin
-        self._most = int(self.parameters.get("iterations", 0))
+        limits = [limit for limit in (self.most, int(self.parameters.get("iterations", 0))) if limit]
+        self._most = min(limits, default=0)
         self._scale = self.checker.motion_scale
-        self._tree = FIRST_TREE
-        self._renewal = float(FIRST_TREE) if self.name in _RENEWED else math.inf
+        self._trees, self._tree = 0, FIRST_TREE
+        self._renewal = float(FIRST_TREE) if self.name in RENEWED else math.inf
+        while self.iterations >= self._renewal:
+            self._next_tree(self._renewal)
         self._samples = 0
         self._over = False
         # KPIECE1 keeps the valid part of a motion, which the binding gives it no way to ask about; see `edge_valid`.
         share = float(self.parameters.get("min_valid_path_fraction", _KEPT_SHARE))
         self._halvings = int(-math.log2(min(max(share, 1e-3), 1.0))) if self.name == "KPIECE1" else 0
 
-    def run(self, start: FloatArray, goal: GoalSource, seed: int) -> FloatArray | None:
+    def run(self, starts: FloatArray, goal: GoalSource, seed: int) -> FloatArray | None:
         """Returns the waypoints of a path, shape (k, dimension), or None.
 
         Args:
-            start: A valid configuration, shape (dimension,).
+            starts: Valid configurations from one of which the path leads, shape (k, dimension) or (dimension,).
             goal: Where to end; asked for more states while the planner runs.
             seed: Seed of the planner's random numbers, above 0.
         """
@@ -93,7 +97,7 @@ class PlannerRun:
         states = ob.GoalStates(information)
         self._goal, self._states, self._information = goal, states, information
         with interrupts_kept(self._keep):
-            rows = self._solve(information, states, start)
+            rows = self._solve(information, states, np.atleast_2d(starts))
         # The binding keeps what a callback holds alive: without this the planner's tree would never be freed.
         del self._goal, self._states, self._information
         if self.error is not None:
@@ -102,11 +106,12 @@ class PlannerRun:
             raise error
         return rows
 
-    def _solve(self, information: Any, states: Any, start: FloatArray) -> FloatArray | None:
+    def _solve(self, information: Any, states: Any, starts: FloatArray) -> FloatArray | None:
         definition = ob.ProblemDefinition(information)
-        first = information.allocState()
-        self._write(first, start)
-        definition.addStartState(first)
+        for start in starts:
+            first = information.allocState()
+            self._write(first, start)
+            definition.addStartState(first)
         self._offer()
         if self.error is None and not states.hasStates():
             return None
@@ -137,16 +142,21 @@ class PlannerRun:
             return not self._stop()
         if self.iterations < self._renewal:
             return False
-        self._tree *= 2
-        self._renewal = self.iterations + self._tree
+        self._next_tree(self.iterations)
         return True
+
+    def _next_tree(self, begun: float) -> None:
+        """Takes note that a tree begins after so many iterations: a larger one of shorter edges."""
+        self._trees += 1
+        self._tree *= 2
+        self._renewal = begun + self._tree
 
     def _configure(self, planner: Any) -> None:
         setters = planner_setters(self.name)
         if "range" in setters and "range" not in self.parameters:
-            planner.setRange(_DEFAULT_RANGE * self.checker.robot.length)
+            planner.setRange(_DEFAULT_RANGE * self.checker.robot.length / 2.0 ** (self._trees % _RANGES))
         for key, value in self.parameters.items():
-            if key != "iterations":
+            if key not in COMMON_PARAMETERS:
                 setter, kind = setters[key]
                 getattr(planner, setter)(convert_parameter(key, value, kind))
         if self._samples:

@@ -62,6 +62,11 @@ class Scene(Protocol):
         """Returns the distance of the body from the nearest surface, shape (n,), m."""
         ...
 
+    @property
+    def prover(self) -> Any:
+        """What bounds the body's slack; see `tdcr_planner.collision.prover.ClearanceProver`."""
+        ...
+
 
 @dataclass
 class Shapes:
@@ -79,12 +84,11 @@ class Shapes:
 
 
 def planning_margins(scenario: Scenario, model: ShapeModel) -> FloatArray:
-    """Returns the distance each disk must keep from every surface at a checked state, shape (d,), m.
+    """Returns the distance each disk must keep from every surface, shape (d,), m.
 
-    The clearance asked for, half a step (what lies between two checked states is nearer than that to one of them), and
-    the shape model's error bound for the disk.
+    The clearance asked for and the shape model's error bound for the disk.
     """
-    return np.asarray(scenario.planner.clearance_m + scenario.planner.step_m / 2.0 + model.error_bound)
+    return np.asarray(scenario.planner.clearance_m + model.error_bound)
 
 
 class ValidityChecker:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tdcr_planner.collision.slack import SlackRecord
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
@@ -57,6 +58,25 @@ class BoxScene:
 
     def clearance(self, positions, rotations):
         return self.gaps(positions, rotations).min(axis=1)
+
+    @property
+    def prover(self):
+        return self
+
+    def record(self, states):
+        return SlackRecord.empty(1, states, len(self.radii) - 1)
+
+    def open_intervals(self, positions, rotations, order, motion, stray, record, exact_below):
+        slack = (self.gaps(positions, rotations) - self.margins[1:])[order]
+        room, moved = slack[:-1] + slack[1:], motion[:, 1:]
+        lacking = room < moved
+        worst = np.argmax(lacking, axis=1)[:, None]
+        left_open = lacking.any(axis=1)
+        worst_of = (np.take_along_axis(values, worst, axis=1)[:, 0] for values in (room, moved))
+        return tuple(np.where(left_open, values, 0.0) for values in worst_of)
+
+    def slack(self, positions, rotations, cap):
+        return np.minimum((self.gaps(positions, rotations) - self.margins[1:]).min(axis=1), cap)
 
 
 @pytest.fixture

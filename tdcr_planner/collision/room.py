@@ -1,0 +1,286 @@
+"""Room: an estimate of how far each part of a body is from the walls, negative inside of them, from distance fields.
+
+It guides what moves colliding shapes to where they are free. Nothing rests on it: a state counts as free only when
+`CollisionScene.check` says so. Cells of a field at walls and in the middle between walls, where a straight line between
+nodes errs most, are split when a body first comes near them: the gaps of a narrow place are no wider than the field's
+spacing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdcr_planner.arrays import IntArray
+from tdcr_planner.collision.body import across, part_ball, place_solid
+from tdcr_planner.collision.containment import Side, entry_depth, is_wrong
+from tdcr_planner.collision.field import Field, front
+from tdcr_planner.collision.tree import TriangleTree, nearest_triangle, triangle_square_distance
+from tdcr_planner.compiled import njit
+
+RIM = 8  # points of a rim
+SPLIT = 3  # parts of a cell's edge
+NODES = (SPLIT + 1) ** 3
+NEAR = 1.0  # distance from the walls, in cells, up to which cells are split
+KINK = 0.7  # squared slope below which a cell is split: a distance has slope 1 but for kinks
+SPACING = 0.6  # of balls along a sleeve, in its radii: 5 % of the radius is what they miss between them at most
+MOST_SPLIT = 16_384  # cells of one field; more than that stay whole
+
+
+class SplitCells(NamedTuple):
+    """The cells of a field that have been split, for compiled code, which adds to them.
+
+    Attributes:
+        places: For each node of the field the place of the cell above it in `values`, -1 where it is whole, shape (n,).
+        values: Signed distances at the nodes of each split cell, z fastest, shape (MOST_SPLIT, NODES), m.
+        used: How many cells have been split, shape (1,).
+        facing: 1 where the triangles' normals point to the right side, -1 where away from it, 0 without sides.
+    """
+
+    places: NDArray[np.int32]
+    values: NDArray[np.float32]
+    used: IntArray
+    facing: float
+
+
+def make_split_cells(field: Field, wall: TriangleTree, side: Side) -> SplitCells:
+    """Returns the split cells of a field, none so far."""
+    places = np.full(len(field.values), -1, dtype=np.int32)
+    values = np.empty((MOST_SPLIT, NODES), dtype=np.float32)
+    facing = float(_facing(field, wall, side)) if field.rules[0] == 1 else 0.0
+    return SplitCells(places, values, np.zeros(1, dtype=np.int64), facing)
+
+
+@njit(cache=True, nogil=True)
+def _normal_side(corners, x, y, z):  # type: ignore[no-untyped-def]
+    """Returns how a point lies to the plane of a triangle, shape (3, 3): above 0 on the side of its normal."""
+    ax, ay, az = corners[1, 0] - corners[0, 0], corners[1, 1] - corners[0, 1], corners[1, 2] - corners[0, 2]
+    bx, by, bz = corners[2, 0] - corners[0, 0], corners[2, 1] - corners[0, 1], corners[2, 2] - corners[0, 2]
+    px, py, pz = x - corners[0, 0], y - corners[0, 1], z - corners[0, 2]
+    return px * (ay * bz - az * by) + py * (az * bx - ax * bz) + pz * (ax * by - ay * bx)
+
+
+@njit(cache=True, nogil=True)
+def _facing(field, wall, side):  # type: ignore[no-untyped-def]
+    """Returns 1 where most of some nodes near the walls lie on the side that the walls' normals point to, else -1."""
+    votes, asked = 0, 0
+    stride = max(1, len(field.values) // 4096)
+    ny, nz = field.shape[1], field.shape[2]
+    for index in range(0, len(field.values), stride):
+        x = field.origin[0] + (index // (ny * nz)) * field.spacing
+        y = field.origin[1] + (index // nz % ny) * field.spacing
+        z = field.origin[2] + (index % nz) * field.spacing
+        if abs(field.values[index]) > 4.0 * field.spacing or entry_depth(side, x, y, z) <= 0.0:
+            continue
+        _, found = nearest_triangle(wall, x, y, z, np.inf)
+        votes += 1 if _normal_side(wall.corners[found], x, y, z) * field.values[index] > 0.0 else -1
+        asked += 1
+        if asked >= 99:
+            break
+    return 1 if votes >= 0 else -1
+
+
+@njit(cache=True, nogil=True)
+def _split(field, wall, side, facing, index, x, y, z, values):  # type: ignore[no-untyped-def]
+    """Writes the signed distances at the nodes of the cell whose lower corner is a node of the field, at x, y, z.
+
+    The nearest triangle says the side, which is right but for walls that meet at less than 90 degrees: good enough for a
+    guide, and far cheaper than a winding number.
+    """
+    h = field.spacing / SPLIT
+    count = SPLIT + 1
+    triangle = -1
+    for place in range(NODES):
+        px = x + place // (count * count) * h
+        py = y + place // count % count * h
+        pz = z + place % count * h
+        bound = np.inf
+        if triangle >= 0:
+            bound = math.sqrt(triangle_square_distance(px, py, pz, wall.corners[triangle])) * (1.0 + 1e-12)
+        square, found = nearest_triangle(wall, px, py, pz, bound)
+        if found >= 0:
+            triangle = found
+        distance = math.sqrt(square)
+        if facing != 0.0 and entry_depth(side, px, py, pz) > 0.0:
+            if _normal_side(wall.corners[triangle], px, py, pz) * facing < 0.0:
+                distance = -distance
+        values[place] = distance
+
+
+@njit(cache=True, nogil=True)
+def _between_nodes(values, index, row, column, fx, fy, fz, sided):  # type: ignore[no-untyped-def]
+    """Returns the trilinear value between eight nodes; rows and columns say how far apart they stand in memory."""
+    total = 0.0
+    for corner in range(8):
+        jx, jy, jz = corner >> 2, (corner >> 1) & 1, corner & 1
+        value = values[index + jx * row + jy * column + jz]
+        weight = (fx if jx else 1.0 - fx) * (fy if jy else 1.0 - fy) * (fz if jz else 1.0 - fz)
+        total += weight * (value if sided else abs(value))
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _square_slope(field, index, fx, fy, fz):  # type: ignore[no-untyped-def]
+    """Returns the squared slope of the trilinear values in a cell, all corners on the right side."""
+    row, column = field.shape[1] * field.shape[2], field.shape[2]
+    sx, sy, sz = 0.0, 0.0, 0.0
+    for corner in range(8):
+        jx, jy, jz = corner >> 2, (corner >> 1) & 1, corner & 1
+        value = abs(field.values[index + jx * row + jy * column + jz])
+        wx, wy, wz = fx if jx else 1.0 - fx, fy if jy else 1.0 - fy, fz if jz else 1.0 - fz
+        sx += value * wy * wz * (1.0 if jx else -1.0)
+        sy += value * wx * wz * (1.0 if jy else -1.0)
+        sz += value * wx * wy * (1.0 if jz else -1.0)
+    return (sx * sx + sy * sy + sz * sz) / (field.spacing * field.spacing)
+
+
+@njit(cache=True, nogil=True)
+def signed_at(field, wall, side, split, fine, x, y, z):  # type: ignore[no-untyped-def]
+    """Returns a point's interpolated distance from the walls, m, negative on the wrong side where the field knows it.
+
+    Inside of the grid it is trilinear between the nodes, near the walls between those of a split cell where `fine`. Outside of it the
+    distance from the box that holds all walls is added; behind a cavity's entry plane there is no wrong side.
+    """
+    h = field.spacing
+    sided = field.rules[2] == 0 or front(field, x, y, z) > 0.0
+    ux, uy, uz = (x - field.origin[0]) / h, (y - field.origin[1]) / h, (z - field.origin[2]) / h
+    nx, ny, nz = field.shape[0], field.shape[1], field.shape[2]
+    beyond = 0.0
+    if not (0.0 <= ux < nx - 1 and 0.0 <= uy < ny - 1 and 0.0 <= uz < nz - 1):
+        cx = min(max(x, field.lower[0]), field.upper[0])
+        cy = min(max(y, field.lower[1]), field.upper[1])
+        cz = min(max(z, field.lower[2]), field.upper[2])
+        beyond = math.sqrt((x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2)
+        ux, uy, uz = (cx - field.origin[0]) / h, (cy - field.origin[1]) / h, (cz - field.origin[2]) / h
+    ix, iy, iz = int(ux), int(uy), int(uz)
+    fx, fy, fz = ux - ix, uy - iy, uz - iz
+    index = (ix * ny + iy) * nz + iz
+    value = _between_nodes(field.values, index, ny * nz, nz, fx, fy, fz, sided)
+    if beyond > 0.0:
+        if field.rules[1] == 1 and sided:
+            return -abs(value) - beyond
+        return math.sqrt(value * value + beyond * beyond)
+    if not fine or (abs(value) > NEAR * h and (value < 0.0 or _square_slope(field, index, fx, fy, fz) > KINK)):
+        return value
+    if split.places[index] < 0:
+        if split.used[0] >= MOST_SPLIT:
+            return value
+        place = split.used[0]
+        _split(
+            field, wall, side, split.facing, index, field.origin[0] + ix * h, field.origin[1] + iy * h,
+            field.origin[2] + iz * h, split.values[place],
+        )  # fmt: skip
+        split.places[index] = place
+        split.used[0] = place + 1
+    ux, uy, uz = SPLIT * fx, SPLIT * fy, SPLIT * fz
+    ix, iy, iz = min(int(ux), SPLIT - 1), min(int(uy), SPLIT - 1), min(int(uz), SPLIT - 1)
+    count = SPLIT + 1
+    values = split.values[split.places[index]]
+    return _between_nodes(
+        values, (ix * count + iy) * count + iz, count * count, count, ux - ix, uy - iy, uz - iz, sided
+    )
+
+
+@njit(cache=True, nogil=True)
+def _rim_room(field, wall, side, split, fine, centre, axis, first, second, shift, radius, room):  # type: ignore[no-untyped-def]
+    """Returns the least of `room` and the distances at points on a circle about a solid's axis."""
+    for k in range(RIM):
+        angle = 2.0 * math.pi * k / RIM
+        cosine, sine = radius * math.cos(angle), radius * math.sin(angle)
+        value = signed_at(
+            field, wall, side, split, fine,
+            centre[0] + shift * axis[0] + cosine * first[0] + sine * second[0],
+            centre[1] + shift * axis[1] + cosine * first[1] + sine * second[1],
+            centre[2] + shift * axis[2] + cosine * first[2] + sine * second[2],
+        )  # fmt: skip
+        room = min(room, value)
+    return room
+
+
+@njit(cache=True, nogil=True)
+def _solid_room(field, wall, side, split, fine, body, index, positions, rotations, centre, axis, room):  # type: ignore[no-untyped-def]
+    """Returns the least of `room` and a solid's: balls along a sleeve, the middle of a capsule, the rims of the rest.
+
+    Balls err by the square of their spacing, points of a rim by their spacing where an edge of a wall passes between them.
+    """
+    half = place_solid(body, index, positions, rotations, centre, axis)
+    if half < 0.0:
+        return room
+    radius, kind = body.radius[index], body.kind[index]
+    if body.round_ends[index]:
+        return min(room, signed_at(field, wall, side, split, fine, centre[0], centre[1], centre[2]) - radius)
+    if kind == 3:
+        balls = int(math.ceil(2.0 * half / (SPACING * radius)))
+        for k in range(balls):
+            shift = half * ((2.0 * k + 1.0) / balls - 1.0)
+            value = signed_at(
+                field, wall, side, split, fine,
+                centre[0] + shift * axis[0], centre[1] + shift * axis[1], centre[2] + shift * axis[2],
+            )  # fmt: skip
+            room = min(room, value - radius)
+        return room
+    first, second = across(axis)
+    # The tip and the shaft lead the way with their front ends; thick disks have two rims.
+    if index == 0 or kind == 4:
+        room = _rim_room(field, wall, side, split, fine, centre, axis, first, second, half, radius, room)
+    if kind == 4:
+        return room
+    if half > 0.5 * radius:
+        room = _rim_room(field, wall, side, split, fine, centre, axis, first, second, half, radius, room)
+        return _rim_room(field, wall, side, split, fine, centre, axis, first, second, -half, radius, room)
+    return _rim_room(field, wall, side, split, fine, centre, axis, first, second, 0.0, radius, room)
+
+
+@njit(cache=True, nogil=True)
+def part_rooms(field, wall, side, split, body, positions, rotations, rooms):  # type: ignore[no-untyped-def]
+    """Lowers each part's room, shape (n, q), m, to its estimated distance from one mesh, margins taken off.
+
+    Args:
+        field: The mesh's `Field`.
+        wall: Tree of the mesh's walls.
+        side: `Side` of the mesh.
+        split: `SplitCells` of the field, added to.
+        body: `BodyArrays`, with the margins that are to be kept.
+        positions: Disk centres, shape (n, d, 3), m, world frame.
+        rotations: world_from_disk, shape (n, d, 3, 3).
+        rooms: What is known so far; a part with more room than this is not looked at closely.
+    """
+    parts = len(body.part_first) - 1
+    centre, axis = np.empty(3), np.empty(3)
+    middle, cover = np.empty(parts), np.empty(parts)
+    # A sleeve covers the disks between its gaps, the tip's aside.
+    sleeve = parts > 1 and body.kind[body.part_first[1]] == 3
+    for row in range(len(positions)):
+        # A body of which a whole part is inside of a wall is far from where a closer look would matter.
+        fine = True
+        for part in range(parts):
+            cover[part] = part_ball(body, part, positions[row], rotations[row], centre)
+            middle[part] = 0.0
+            if cover[part] >= 0.0:
+                middle[part] = signed_at(field, wall, side, split, False, centre[0], centre[1], centre[2])
+                fine = fine and middle[part] > -cover[part]
+        for part in range(parts):
+            room = rooms[row, part]
+            if cover[part] >= 0.0:
+                if middle[part] - cover[part] >= room:
+                    continue
+                if middle[part] < -cover[part]:
+                    rooms[row, part] = middle[part] - cover[part]
+                    continue
+            if sleeve and part > 0 and body.kind[body.part_first[part]] == 0:
+                continue
+            for index in range(body.part_first[part], body.part_first[part + 1]):
+                room = _solid_room(
+                    field, wall, side, split, fine, body, index, positions[row], rotations[row], centre, axis, room
+                )
+            rooms[row, part] = room
+
+
+@njit(cache=True, nogil=True)
+def signed_distance(wall, side, x, y, z):  # type: ignore[no-untyped-def]
+    """Returns the exact distance of a point from a mesh's walls, m, negative on the wrong side."""
+    distance = math.sqrt(nearest_triangle(wall, x, y, z, np.inf)[0])
+    return -distance if is_wrong(side, x, y, z) else distance
