@@ -77,7 +77,9 @@ class ClearanceProver:
             where it is proved.
         """
         room, moved = np.zeros(len(order) - 1), np.zeros(len(order) - 1)
-        prove_apart(self._pairs, self._body, positions, rotations, order, motion, record.apart, record.apart_exact, room, moved)
+        prove_apart(
+            self._pairs, self._body, positions, rotations, order, motion, record.apart, record.apart_exact, room, moved
+        )
         for index, (field, wall, side) in enumerate(self._meshes):
             prove_intervals(
                 field, wall, side, self._bare, self.required, positions, rotations, order, motion, stray, exact_below,
