@@ -13,12 +13,10 @@ from tdcr_planner.collision.containment import deepest_point, is_wrong
 from tdcr_planner.collision.distance import solid_distance
 from tdcr_planner.collision.field import bounds_at, front
 from tdcr_planner.collision.first_look import SPARE
-from tdcr_planner.collision.first_ways import look_at_ways
+from tdcr_planner.collision.first_ways import SLICES, look_at_ways
 from tdcr_planner.collision.tree import nearest_triangle
 from tdcr_planner.compiled import njit
 
-# Balls along a gap, where one is too coarse.
-SLICES = 3
 # Points along a ball's way at which its distance is looked up before the way counts as not proved.
 LOOKUPS = 48
 
