@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray, check_array
+from tdcr_planner.collision.mesh_files.registry import read_mesh_file
 from tdcr_planner.collision.topology import Loop, Surface, analyse, clean_mesh, fan_cap
 from tdcr_planner.collision.tree import TriangleTree, build_tree, winding_numbers
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
@@ -22,6 +22,8 @@ logger = logging.getLogger(__name__)
 
 Role = Literal["cavity", "obstacle"]
 METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+# The units of 3MF files.
+_DECLARED_UNITS = {"meter": "m", "centimeter": "cm", "millimeter": "mm", "inch": "in", "micron": "um", "foot": "ft"}
 POINT_DIGITS = 5  # of a coordinate in metres, in messages
 
 # An opening's rim may leave its plane by this share of its diameter and still be capped flat.
@@ -157,10 +159,10 @@ def load_scene_mesh(
     entry_point: ArrayLike | None = None,
     entry_normal: ArrayLike | None = None,
 ) -> SceneMesh:
-    """Returns the mesh in a file, in any format that trimesh reads.
+    """Returns the mesh in a file.
 
     Args:
-        path: The mesh file.
+        path: The mesh file: STL, OBJ, PLY, OFF, glTF or 3MF.
         unit: The file's unit of length: m, cm, mm or in.
         role: "cavity" or "obstacle".
         entry_point: Shape (3,), m, world frame, a point of a cavity's entry plane; None for no entry.
@@ -179,27 +181,19 @@ def read_triangles(path: str | Path, unit: str) -> tuple[FloatArray, IntArray]:
     """Returns the vertices, shape (v, 3), m, and faces, shape (f, 3), that a mesh file holds, as they stand in it.
 
     Args:
-        path: The mesh file, in any format that trimesh reads.
+        path: The mesh file: STL, OBJ, PLY, OFF, glTF or 3MF.
         unit: The file's unit of length: m, cm, mm or in.
 
     Raises:
         InputError: Unknown unit.
-        FormatError: The file is missing or unreadable.
+        FormatError: The file is missing, or it is not understood whole.
     """
     if unit not in METRES_PER_UNIT:
         raise UnknownNameError("unit", str(unit), METRES_PER_UNIT, " for the mesh file's unit of length")
-    file = Path(path)
-    if not file.exists():
-        raise FormatError(path, "no such file")
-    if file.is_dir():
-        raise FormatError(path, "is a folder, expected a mesh file")
-    try:
-        loaded = trimesh.load(file, force="mesh", process=False)
-        vertices = np.asarray(loaded.vertices, dtype=np.float64)
-        faces = np.asarray(loaded.faces, dtype=np.int64)
-    except Exception as error:  # the readers behind trimesh raise whatever their parsers do
-        raise FormatError(path, f"cannot be read as a mesh: {type(error).__name__}: {error}") from error
-    return vertices * METRES_PER_UNIT[unit], faces
+    raw = read_mesh_file(Path(path))
+    if raw.unit is not None and _DECLARED_UNITS.get(raw.unit, unit) != unit:
+        logger.warning("%s: declares lengths in %s and is read in %r; is that the right unit?", path, raw.unit, unit)
+    return raw.vertices * METRES_PER_UNIT[unit], raw.faces
 
 
 def _build_mesh(
