@@ -9,7 +9,7 @@ from tdcr_planner.collision.mesh_files.gltf import GLTF
 from tdcr_planner.collision.mesh_files.obj import OBJ
 from tdcr_planner.collision.mesh_files.off import OFF
 from tdcr_planner.collision.mesh_files.ply import PLY
-from tdcr_planner.collision.mesh_files.source import MeshFormat, RawMesh, read_bytes
+from tdcr_planner.collision.mesh_files.source import MeshFormat, RawMesh, check_file, read_bytes
 from tdcr_planner.collision.mesh_files.stl import STL
 from tdcr_planner.collision.mesh_files.threemf import THREE_MF
 from tdcr_planner.errors import FormatError
@@ -18,7 +18,8 @@ FORMATS = (STL, OBJ, PLY, OFF, GLTF, THREE_MF)
 
 
 def find_format(path: Path) -> MeshFormat:
-    """Returns the format that a file's name says, or raises FormatError naming those that are read."""
+    """Returns the format that a file's name says, or raises FormatError where there is none or no regular file."""
+    check_file(path)
     for candidate in FORMATS:
         if path.suffix.lower() in candidate.suffixes:
             return candidate

@@ -60,8 +60,8 @@ class MeshFormat:
     parts: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
 
 
-def read_bytes(path: Path) -> bytes:
-    """Returns the content of a regular file of bounded size, or raises FormatError."""
+def check_file(path: Path) -> None:
+    """Raises FormatError unless a path names a regular file of bounded size."""
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
@@ -70,11 +70,19 @@ def read_bytes(path: Path) -> bytes:
             raise FormatError(path, "is no regular file (a pipe or a device); copy its content to a file")
         if status.st_size > MAX_BYTES:
             raise FormatError(path, f"holds {status.st_size} bytes, at most {MAX_BYTES} are read; reduce the mesh")
-        return path.read_bytes()
     except FileNotFoundError as error:
         raise FormatError(path, "no such file") from error
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         raise FormatError(path, f"cannot be read: {getattr(error, 'strerror', None) or error}") from error
+
+
+def read_bytes(path: Path) -> bytes:
+    """Returns the content of a regular file of bounded size, or raises FormatError."""
+    check_file(path)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise FormatError(path, f"cannot be read: {error.strerror}") from error
 
 
 def decode_text(path: Path, data: bytes) -> str:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.parsers import expat
 
-from tdcr_planner.collision.mesh_files.source import MeshFormat, RawMesh, read_bytes
+from tdcr_planner.collision.mesh_files.source import MeshFormat, RawMesh
 from tdcr_planner.collision.mesh_files.threemf_model import ModelParser
 from tdcr_planner.errors import FormatError
 
@@ -32,7 +32,6 @@ _Start = Callable[[str, dict[str, str]], None]
 
 
 def _read(path: Path) -> RawMesh:
-    read_bytes(path)  # refuses what is no regular file of bounded size
     model = ModelParser(path)
     try:
         with zipfile.ZipFile(path) as archive:
