@@ -32,6 +32,8 @@ FLATNESS_SHARE = 0.02
 TEAR_STEEPNESS = 0.5
 # An entry rim may stand this share of its diameter in front of the entry plane; the plane is moved up to it.
 ENTRY_SHARE = 1e-3
+# The entry plane stands before the rim by 16 times a double's rounding of the largest coordinate, at least by this, m.
+HAIR_SHARE, LEAST_HAIR = 16.0 * 2.0**-53, 1e-12
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ class SceneMesh:
         caps: Flat caps over a cavity's openings that are not the entry, shape (c, 3), indices into `wall_vertices`.
             They are walls: the body must not poke out of them.
         bounded: Whether the mesh has an inside; false for an open obstacle, of which only the surface counts.
+        entrances: The rims of a cavity's openings that lie on or behind the entry plane.
         source: The file it came from, or None.
         unit: The file's unit of length, for messages; None for a mesh from arrays.
     """
@@ -75,6 +78,7 @@ class SceneMesh:
     entry: Entry | None = None
     caps: IntArray = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
     bounded: bool = True
+    entrances: tuple[Loop, ...] = ()
     source: Path | None = None
     unit: str | None = None
     _cap_centres: FloatArray = field(default_factory=lambda: np.empty((0, 3)), repr=False)
@@ -158,6 +162,7 @@ def load_scene_mesh(
     role: str,
     entry_point: ArrayLike | None = None,
     entry_normal: ArrayLike | None = None,
+    name: str | None = None,
 ) -> SceneMesh:
     """Returns the mesh in a file.
 
@@ -167,6 +172,7 @@ def load_scene_mesh(
         role: "cavity" or "obstacle".
         entry_point: Shape (3,), m, world frame, a point of a cavity's entry plane; None for no entry.
         entry_normal: Shape (3,), direction into the cavity.
+        name: What to call it in messages; the file's name where it is None.
 
     Raises:
         InputError: Unknown unit or role, entry without normal, or an entry for an obstacle.
@@ -174,7 +180,7 @@ def load_scene_mesh(
     """
     vertices, faces = read_triangles(path, unit)
     file = Path(path)
-    return replace(_build_mesh(file.name, vertices, faces, role, entry_point, entry_normal, file), unit=unit)
+    return replace(_build_mesh(name or file.name, vertices, faces, role, entry_point, entry_normal, file), unit=unit)
 
 
 def read_triangles(path: str | Path, unit: str) -> tuple[FloatArray, IntArray]:
@@ -299,7 +305,7 @@ def _as_cavity(where: str | Path, mesh: SceneMesh, surface: Surface) -> SceneMes
     empty = np.empty((0, 3), dtype=np.int64)
     return SceneMesh(
         mesh.name, mesh.vertices, mesh.faces, mesh.role, entry, np.concatenate([empty, *fans[: len(opening)]]),
-        source=mesh.source, _cap_centres=centres, _closure=np.concatenate([mesh.faces, *fans]),
+        entrances=tuple(behind), source=mesh.source, _cap_centres=centres, _closure=np.concatenate([mesh.faces, *fans]),
     )  # fmt: skip
 
 
@@ -323,8 +329,10 @@ def _move_entry(mesh: SceneMesh, loops: tuple[Loop, ...]) -> Entry | None:
             "taken for a wall. If the body enters there, give an entry plane in front of it",
             mesh.name, _describe(loop), distance,
         )  # fmt: skip
-    # A hair farther than the rim, so that rounding leaves none of it in front.
-    return Entry(entry.point + (shift + 1e-12) * entry.normal, entry.normal)
+    # A hair farther than the rim, so that rounding, which grows with the coordinates, leaves none of it in front.
+    size = max(float(np.abs(mesh.vertices).max()), float(np.abs(entry.point).max()))
+    hair = max(LEAST_HAIR, HAIR_SHARE * size)
+    return Entry(entry.point + (shift + hair) * entry.normal, entry.normal)
 
 
 def _check_opening(where: str | Path, loop: Loop, crosses_entry: bool) -> None:

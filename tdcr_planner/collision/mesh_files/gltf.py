@@ -163,7 +163,7 @@ def _matrix(path: Path, node: Node, place: str) -> FloatArray:
     """Returns parent_from_node, shape (4, 4)."""
     if node.matrix is not None:
         matrix = np.array(node.matrix).reshape(4, 4).T
-        moved = node.rotation != (0, 0, 0, 1) or node.scale != (1, 1, 1) or node.translation != (0, 0, 0)
+        moved = bool(node.model_fields_set & {"translation", "rotation", "scale"})
         if moved or (matrix[3] != (0.0, 0.0, 0.0, 1.0)).any():
             raise FormatError(path, "expected an affine 'matrix' alone, or translation, rotation and scale", place)
         return matrix

@@ -209,7 +209,8 @@ class _Bytes:
 
     def _equal_rows(self, element: _Element) -> dict[str, _Column] | None:
         """Returns the columns where every row has lists as long as the first one's, or None."""
-        place, fields = self._place, []
+        place = self._place
+        fields: list[tuple[str, np.dtype, tuple[int, ...]]] = []
         for index, item in enumerate(element.properties):
             kind, size = np.dtype(self._order + item.kind), 1
             if item.length_kind is not None:
@@ -227,7 +228,7 @@ class _Bytes:
             place += size * kind.itemsize
             if place > len(self._data):
                 return None
-        record = np.dtype([(name, kind, shape) for name, kind, shape in fields])
+        record = np.dtype(fields)
         end = self._place + element.count * record.itemsize
         if end > len(self._data) or not element.properties:
             return None

@@ -143,7 +143,7 @@ def _clip_ears(points: FloatArray) -> IntArray | None:
     slack = AREA_ROUNDING * float(np.abs(points).max(initial=0.0)) ** 2
     total = float(_cross(points, np.roll(points, -1, axis=0)).sum())
     ring = np.arange(len(points))
-    triangles = []
+    triangles: list[IntArray] = []
     while len(ring) > 3:
         before, after = points[np.roll(ring, 1)], points[np.roll(ring, -1)]
         here = points[ring]
@@ -152,10 +152,10 @@ def _clip_ears(points: FloatArray) -> IntArray | None:
         place = next((k for k in order.tolist() if area[k] <= slack or _is_ear(points, ring, k)), None)
         if place is None:
             return None
-        triangles.append((ring[place - 1], ring[place], ring[(place + 1) % len(ring)]))
+        triangles.append(ring[[place - 1, place, (place + 1) % len(ring)]])
         ring = np.delete(ring, place)
-    triangles.append(tuple(ring))
-    found = np.array(triangles, dtype=np.int64)
+    triangles.append(ring)
+    found = np.stack(triangles)
     a, b, c = points[found[:, 0]], points[found[:, 1]], points[found[:, 2]]
     filled = float(np.abs(_cross(b - a, c - a)).sum())
     return found if abs(filled - total) <= 1e-9 * abs(total) + len(points) * slack else None
