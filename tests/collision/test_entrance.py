@@ -11,7 +11,7 @@ from tdcr_planner.collision.meshes import SceneMesh
 
 ENTRY = ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
 OUTSIDE = np.array([0.0, 0.0, -0.1])
-Z = np.array([0.0, 0.0, 1.0])
+X, Z = np.eye(3)[[0, 2]]
 
 
 def _cylinder(radius, height):
@@ -52,8 +52,9 @@ def test_a_closed_cavity_cannot_be_entered_from_outside(entry):
 
 
 @pytest.mark.parametrize(
-    ("made", "radius"), [(_wall(0.012, 0.014, 0.2), 0.0025), (_wall(0.02, 0.03, 0.2), 0.001), (_cup(0.012, 0.014, 0.2), 0.0025)]
-)  # fmt: skip
+    ("made", "radius"),
+    [(_wall(0.012, 0.014, 0.2), 0.0025), (_wall(0.02, 0.03, 0.2), 0.001), (_cup(0.012, 0.014, 0.2), 0.0025)],
+)
 def test_a_wall_with_its_thickness_is_told_from_a_vessel(made, radius):
     mesh = SceneMesh.from_arrays("wall", *made, "cavity", *ENTRY)
     message = obstruction(mesh, OUTSIDE, radius)
@@ -76,8 +77,8 @@ def test_obstacles_and_cavities_with_an_entrance_are_not_spoken_against(shapes):
 def test_a_base_beside_the_opening_is_told_with_the_distance_that_it_misses(shapes):
     mesh = SceneMesh.from_arrays("pipe", *shapes.pipe(radius=0.016), "cavity", *ENTRY)
     assert missed_by(mesh, OUTSIDE, Z) is None
-    assert missed_by(mesh, OUTSIDE + [0.015, 0, 0], Z) is None
-    message = missed_by(mesh, OUTSIDE + [0.046, 0, 0], Z)
+    assert missed_by(mesh, OUTSIDE + 0.015 * X, Z) is None
+    message = missed_by(mesh, OUTSIDE + 0.046 * X, Z)
     # A rim of 32 straight sides has a corner at (0.016, 0, 0).
     assert (
         "meets the entry plane at (0.046, 0, 0) m, 0.03 m beside the opening at (0, 0, 0) m, 0.032 m across" in message

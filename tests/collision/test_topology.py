@@ -61,7 +61,7 @@ def test_shells_in_shells_keep_their_turn_and_the_outermost_points_outward():
         faces = [(OUTWARD[:, ::-1] if turned != flip_all else OUTWARD) + 4 * k for k, turned in enumerate(inward)]
         mesh = SceneMesh.from_arrays("shells", np.concatenate(parts), np.concatenate(faces), "obstacle")
         # Between the shells the body is inside of an even or an odd number of them.
-        points = np.array([[s * 0.04] * 3 for s in (7.0, 3.0, 1.5, 0.5)])
+        points = np.array([[0.1 * size] * 3 for size in sizes])
         assert mesh.contains(points).tolist() == [True, False, True, False]
 
 
