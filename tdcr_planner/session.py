@@ -23,7 +23,7 @@ from tdcr_planner.planning.roadmap import Conditions, Roadmap, conditions_of
 from tdcr_planner.planning.roadmap_build import RoadmapBuilder
 from tdcr_planner.planning.roadmap_way import RoadmapConnector
 from tdcr_planner.planning.scenario import Goal, Scenario, Validity
-from tdcr_planner.planning.scene import differences, load_scene_meshes, scene_facts, scene_files
+from tdcr_planner.planning.scene import differences, geometry_sha256, load_scene_meshes, scene_facts, scene_files
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.timing import path_times
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
@@ -334,6 +334,7 @@ class PlanningSession:
         query = attempt.query
         model = self.model(query.planner.validity)
         hashes = {"scenario": query.sha256, "robot": query.robot.mechanics_hash}
+        hashes["geometry"] = geometry_sha256(self.meshes)
         if hasattr(model, "sha256"):
             hashes["shape_model"] = model.sha256
         return PlanResult(

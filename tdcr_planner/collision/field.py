@@ -6,6 +6,7 @@ import hashlib
 import logging
 import math
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -25,6 +26,9 @@ from tdcr_planner.files import is_private, read_bytes, write_file_whole
 logger = logging.getLogger(__name__)
 
 CELLS = 500_000
+# A scene's fields together have at most as many nodes as this many fields of the largest size.
+MOST_FIELDS = 8
+LEAST_CELLS = 1000
 # Part of the cache key: another way of filling the grid must not read what this one wrote.
 FORMAT = "tdcr-field/1"
 # Nodes are stored in single precision; this share covers its rounding (6e-8) and that of the bounds.
@@ -59,6 +63,31 @@ class Field(NamedTuple):
     plane: FloatArray
 
 
+def share_nodes(meshes: Sequence[SceneMesh], finest: float, cells: int = CELLS) -> list[int]:
+    """Returns about how many nodes the field of each mesh of a scene is to have.
+
+    A field finer than the body's details settles little more, so a small mesh gets few nodes; and all the fields of a
+    scene together have no more than a few large ones. Exact distances decide what a coarse field leaves open.
+
+    Args:
+        meshes: The meshes of a scene.
+        finest: The least spacing that is of use, m.
+        cells: Most nodes of one mesh.
+    """
+    wanted = [min(float(cells), max(float(LEAST_CELLS), _volume(mesh) / finest**3)) for mesh in meshes]
+    fraction = min(1.0, MOST_FIELDS * cells / max(sum(wanted), 1.0))
+    return [max(LEAST_CELLS, round(fraction * count)) for count in wanted]
+
+
+def _volume(mesh: SceneMesh) -> float:
+    return float(np.prod(_padded(np.ptp(mesh.wall_vertices, axis=0))))
+
+
+def _padded(extent: FloatArray) -> FloatArray:
+    """Returns a box's extent with no axis so short that a flat mesh would get no layers of nodes around it."""
+    return np.maximum(extent, extent.max() / 50.0)
+
+
 def build_field(mesh: SceneMesh, side: Side, cells: int = CELLS, *, keep: bool = True) -> Field:
     """Returns the field of a mesh, from the cache on disk where it is there and intact.
 
@@ -70,9 +99,7 @@ def build_field(mesh: SceneMesh, side: Side, cells: int = CELLS, *, keep: bool =
     """
     lower, upper = mesh.wall_vertices.min(axis=0), mesh.wall_vertices.max(axis=0)
     extent = upper - lower
-    # A flat mesh still gets a few layers of nodes around it, so no axis counts as shorter than this.
-    padded = np.maximum(extent, extent.max() / 50.0)
-    spacing = float(np.cbrt(np.prod(padded) / cells))
+    spacing = float(np.cbrt(np.prod(_padded(extent)) / cells))
     shape = np.ceil(extent / spacing).astype(np.int64) + 3
     origin = 0.5 * (lower + upper) - 0.5 * (shape - 1) * spacing
     values = (_load_or_fill if keep else _filled)(mesh, side, shape, origin, spacing)

@@ -10,19 +10,20 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray, check_array
+from tdcr_planner.collision.mesh_files.registry import read_mesh_file
 from tdcr_planner.collision.topology import Loop, Surface, analyse, clean_mesh, fan_cap
 from tdcr_planner.collision.tree import TriangleTree, build_tree, winding_numbers
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
-from tdcr_planner.files import check_file
 
 logger = logging.getLogger(__name__)
 
 Role = Literal["cavity", "obstacle"]
 METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+# The units of 3MF files.
+_DECLARED_UNITS = {"meter": "m", "centimeter": "cm", "millimeter": "mm", "inch": "in", "micron": "um", "foot": "ft"}
 POINT_DIGITS = 5  # of a coordinate in metres, in messages
 
 # An opening's rim may leave its plane by this share of its diameter and still be capped flat.
@@ -31,6 +32,8 @@ FLATNESS_SHARE = 0.02
 TEAR_STEEPNESS = 0.5
 # An entry rim may stand this share of its diameter in front of the entry plane; the plane is moved up to it.
 ENTRY_SHARE = 1e-3
+# The entry plane stands before the rim by 16 times a double's rounding of the largest coordinate, at least by this, m.
+HAIR_SHARE, LEAST_HAIR = 16.0 * 2.0**-53, 1e-12
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ class SceneMesh:
         caps: Flat caps over a cavity's openings that are not the entry, shape (c, 3), indices into `wall_vertices`.
             They are walls: the body must not poke out of them.
         bounded: Whether the mesh has an inside; false for an open obstacle, of which only the surface counts.
+        entrances: The rims of a cavity's openings that lie on or behind the entry plane.
         source: The file it came from, or None.
         unit: The file's unit of length, for messages; None for a mesh from arrays.
     """
@@ -74,6 +78,7 @@ class SceneMesh:
     entry: Entry | None = None
     caps: IntArray = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
     bounded: bool = True
+    entrances: tuple[Loop, ...] = ()
     source: Path | None = None
     unit: str | None = None
     _cap_centres: FloatArray = field(default_factory=lambda: np.empty((0, 3)), repr=False)
@@ -157,15 +162,17 @@ def load_scene_mesh(
     role: str,
     entry_point: ArrayLike | None = None,
     entry_normal: ArrayLike | None = None,
+    name: str | None = None,
 ) -> SceneMesh:
-    """Returns the mesh in a file, in any format that trimesh reads.
+    """Returns the mesh in a file.
 
     Args:
-        path: The mesh file.
+        path: The mesh file: STL, OBJ, PLY, OFF, glTF or 3MF.
         unit: The file's unit of length: m, cm, mm or in.
         role: "cavity" or "obstacle".
         entry_point: Shape (3,), m, world frame, a point of a cavity's entry plane; None for no entry.
         entry_normal: Shape (3,), direction into the cavity.
+        name: What to call it in messages; the file's name where it is None.
 
     Raises:
         InputError: Unknown unit or role, entry without normal, or an entry for an obstacle.
@@ -173,31 +180,26 @@ def load_scene_mesh(
     """
     vertices, faces = read_triangles(path, unit)
     file = Path(path)
-    return replace(_build_mesh(file.name, vertices, faces, role, entry_point, entry_normal, file), unit=unit)
+    return replace(_build_mesh(name or file.name, vertices, faces, role, entry_point, entry_normal, file), unit=unit)
 
 
 def read_triangles(path: str | Path, unit: str) -> tuple[FloatArray, IntArray]:
     """Returns the vertices, shape (v, 3), m, and faces, shape (f, 3), that a mesh file holds, as they stand in it.
 
     Args:
-        path: The mesh file, in any format that trimesh reads.
+        path: The mesh file: STL, OBJ, PLY, OFF, glTF or 3MF.
         unit: The file's unit of length: m, cm, mm or in.
 
     Raises:
         InputError: Unknown unit.
-        FormatError: The file is missing or unreadable.
+        FormatError: The file is missing, or it is not understood whole.
     """
     if unit not in METRES_PER_UNIT:
         raise UnknownNameError("unit", str(unit), METRES_PER_UNIT, " for the mesh file's unit of length")
-    file = Path(path)
-    check_file(file)
-    try:
-        loaded = trimesh.load(file, force="mesh", process=False)
-        vertices = np.asarray(loaded.vertices, dtype=np.float64)
-        faces = np.asarray(loaded.faces, dtype=np.int64)
-    except Exception as error:  # the readers behind trimesh raise whatever their parsers do
-        raise FormatError(path, f"cannot be read as a mesh: {type(error).__name__}: {error}") from error
-    return vertices * METRES_PER_UNIT[unit], faces
+    raw = read_mesh_file(Path(path))
+    if raw.unit is not None and _DECLARED_UNITS.get(raw.unit, unit) != unit:
+        logger.warning("%s: declares lengths in %s and is read in %r; is that the right unit?", path, raw.unit, unit)
+    return raw.vertices * METRES_PER_UNIT[unit], raw.faces
 
 
 def _build_mesh(
@@ -303,7 +305,7 @@ def _as_cavity(where: str | Path, mesh: SceneMesh, surface: Surface) -> SceneMes
     empty = np.empty((0, 3), dtype=np.int64)
     return SceneMesh(
         mesh.name, mesh.vertices, mesh.faces, mesh.role, entry, np.concatenate([empty, *fans[: len(opening)]]),
-        source=mesh.source, _cap_centres=centres, _closure=np.concatenate([mesh.faces, *fans]),
+        entrances=tuple(behind), source=mesh.source, _cap_centres=centres, _closure=np.concatenate([mesh.faces, *fans]),
     )  # fmt: skip
 
 
@@ -327,8 +329,10 @@ def _move_entry(mesh: SceneMesh, loops: tuple[Loop, ...]) -> Entry | None:
             "taken for a wall. If the body enters there, give an entry plane in front of it",
             mesh.name, _describe(loop), distance,
         )  # fmt: skip
-    # A hair farther than the rim, so that rounding leaves none of it in front.
-    return Entry(entry.point + (shift + 1e-12) * entry.normal, entry.normal)
+    # A hair farther than the rim, so that rounding, which grows with the coordinates, leaves none of it in front.
+    size = max(float(np.abs(mesh.vertices).max()), float(np.abs(entry.point).max()))
+    hair = max(LEAST_HAIR, HAIR_SHARE * size)
+    return Entry(entry.point + (shift + hair) * entry.normal, entry.normal)
 
 
 def _check_opening(where: str | Path, loop: Loop, crosses_entry: bool) -> None:

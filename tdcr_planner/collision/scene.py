@@ -15,7 +15,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.collision.body import RobotBody, place_solids
 from tdcr_planner.collision.clearance import clearances
 from tdcr_planner.collision.containment import make_side, wrong_part
-from tdcr_planner.collision.field import CELLS, build_field
+from tdcr_planner.collision.field import CELLS, build_field, share_nodes
 from tdcr_planner.collision.meshes import SceneMesh, format_point
 from tdcr_planner.collision.narrow import BodyObjects, MeshObject
 from tdcr_planner.collision.prover import ClearanceProver
@@ -30,6 +30,8 @@ Codes = NDArray[np.int8]
 MAX_SELF_PAIRS = 4096
 # Without a settling field a small one still orders the search for clearances.
 COARSE_CELLS = 1000
+# A field's spacing is no finer than the smallest disk's radius divided by this.
+NODES_PER_RADIUS = 8.0
 # A mesh of a length beyond these shares of the robot's was most likely read in the wrong unit.
 TOO_LARGE, TOO_SMALL = 20.0, 0.01
 
@@ -133,15 +135,17 @@ class CollisionScene:
             body: The body with its margins.
             field: "auto" to build or load a distance field a mesh; None to let FCL decide alone, which is slow. The
                 answers are the same.
-            cells: About how many nodes a field has.
+            cells: About how many nodes a field has at most.
         """
         self.meshes = tuple(meshes)
         self._mesh_objects = tuple(MeshObject(mesh) for mesh in self.meshes)
         self._sides = tuple(make_side(mesh) for mesh in self.meshes)
         self._settles = field is not None
+        finest = float(body.robot.disk_radii.min()) / NODES_PER_RADIUS
+        nodes = share_nodes(self.meshes, finest, cells if self._settles else COARSE_CELLS)
         self._fields = tuple(
-            build_field(mesh, side, cells if self._settles else COARSE_CELLS, keep=self._settles)
-            for mesh, side in zip(self.meshes, self._sides, strict=True)
+            build_field(mesh, side, count, keep=self._settles)
+            for mesh, side, count in zip(self.meshes, self._sides, nodes, strict=True)
         )
         self._codes = tuple(np.int8(_mesh_verdict(mesh)) for mesh in self.meshes)
         _hint_at_units(self.meshes, body)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -10,10 +10,13 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.collision.nesting import enclosing_boxes
 from tdcr_planner.compiled import njit
 
 # Corners nearer than this share of the mesh's diagonal are one vertex: single-precision files round at 6e-8.
 MERGE_SHARE = 2e-7
+# No farther than this, m: a crumb far away must not make a fine mesh collapse. Contacts are decided to 1 um as well.
+MERGE_LIMIT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -49,16 +52,17 @@ def clean_mesh(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntAr
         vertices: Shape (v, 3), m.
         faces: Shape (f, 3).
     """
-    unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
-    faces = inverse.reshape(-1)[faces]
+    named, faces = np.unique(faces, return_inverse=True)
+    unique, inverse = np.unique(vertices[named], axis=0, return_inverse=True)
+    faces = inverse.reshape(-1)[faces.reshape(-1, 3)]
     diagonal = float(np.linalg.norm(np.ptp(unique, axis=0))) if len(unique) else 0.0
-    pairs = (
-        cKDTree(unique).query_pairs(MERGE_SHARE * diagonal, output_type="ndarray") if len(unique) else np.empty((0, 2))
-    )
+    distance = min(MERGE_SHARE * diagonal, MERGE_LIMIT)
+    pairs = cKDTree(unique).query_pairs(distance, output_type="ndarray") if len(unique) else np.empty((0, 2))
     if len(pairs):
         graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(unique), len(unique)))
-        faces = connected_components(graph, directed=False)[1][faces]
-        _, representative = np.unique(connected_components(graph, directed=False)[1], return_index=True)
+        group = connected_components(graph, directed=False)[1]
+        faces = group[faces]
+        _, representative = np.unique(group, return_index=True)
         unique = unique[representative]
     distinct = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     faces = faces[distinct]
@@ -119,13 +123,7 @@ def analyse(vertices: FloatArray, faces: IntArray) -> Surface:
     loops = _loops(vertices, oriented, turned[single], owner[single], piece)
     outward = _point_outward(vertices, oriented, piece, pieces, loops)
     final = tuple(
-        Loop(
-            loop.edges if outward[loop.piece] else np.ascontiguousarray(loop.edges[:, ::-1]),
-            *(
-                getattr(loop, name)
-                for name in ("faces", "piece", "centre", "diameter", "normal", "flatness", "steepness")
-            ),
-        )
+        loop if outward[loop.piece] else replace(loop, edges=np.ascontiguousarray(loop.edges[:, ::-1]))
         for loop in loops
     )
     oriented = np.where(outward[piece][:, None], oriented, oriented[:, ::-1])
@@ -174,38 +172,74 @@ def _orient(total, pair, same_way):  # type: ignore[no-untyped-def]
 def _loops(
     vertices: FloatArray, faces: IntArray, edges: IntArray, beside: IntArray, piece: IntArray
 ) -> tuple[Loop, ...]:
+    """Returns the rims that boundary edges make, all described at once.
+
+    Args:
+        vertices: Shape (v, 3), m.
+        faces: Shape (f, 3).
+        edges: Boundary edges, shape (e, 2).
+        beside: The face beside each of them, shape (e,).
+        piece: Connected piece of each face, shape (f,).
+    """
     if not len(edges):
         return ()
     used, compact = np.unique(edges, return_inverse=True)
     compact = compact.reshape(-1, 2)
     graph = coo_matrix((np.ones(len(edges)), (compact[:, 0], compact[:, 1])), shape=(len(used), len(used)))
-    label = connected_components(graph, directed=False)[1][compact[:, 0]]
-    return tuple(
-        _describe_loop(vertices, faces, edges[label == k], beside[label == k], piece) for k in range(label.max() + 1)
-    )
-
-
-def _describe_loop(vertices: FloatArray, faces: IntArray, edges: IntArray, beside: IntArray, piece: IntArray) -> Loop:
+    count, of_vertex = connected_components(graph, directed=False)
+    # A vertex's edges all belong to one loop, so each vertex of a rim does, too.
+    order = np.argsort(of_vertex[compact[:, 0]], kind="stable")
+    edges, beside, label = edges[order], beside[order], of_vertex[compact[:, 0]][order]
     ends = vertices[edges]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    centre = np.average(ends.mean(axis=1), axis=0, weights=length)
-    rim = vertices[np.unique(edges)] - centre
-    normal = np.linalg.svd(rim, full_matrices=True)[2][2]
+    centre = _loop_means(ends.mean(axis=1), length, label, count)
+    rim = vertices[used] - centre[of_vertex]
+    normal = _plane_normals(rim, of_vertex, count)
+    radius, flatness = np.zeros(count), np.zeros(count)
+    np.maximum.at(radius, of_vertex, np.linalg.norm(rim, axis=1))
+    np.maximum.at(flatness, of_vertex, np.abs(np.einsum("vi,vi->v", rim, normal[of_vertex])))
     corners = vertices[faces[beside]]
     face_normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(face_normal, axis=1)
-    cosine = np.abs(face_normal @ normal) / np.where(size > 0.0, size, 1.0)
-    steepness = float(np.average(np.arccos(np.clip(cosine, 0.0, 1.0)) / (np.pi / 2.0), weights=length))
-    return Loop(
-        edges=edges,
-        faces=beside,
-        piece=int(piece[beside[0]]),
-        centre=centre,
-        diameter=2.0 * float(np.linalg.norm(rim, axis=1).max()),
-        normal=normal,
-        flatness=float(np.abs(rim @ normal).max()),
-        steepness=steepness,
+    cosine = np.abs(np.einsum("ei,ei->e", face_normal, normal[label])) / np.where(size > 0.0, size, 1.0)
+    angle = np.arccos(np.clip(cosine, 0.0, 1.0)) / (np.pi / 2.0)
+    steepness = _loop_means(angle[:, None], length, label, count)[:, 0]
+    start = np.searchsorted(label, np.arange(count + 1))
+    return tuple(
+        Loop(
+            edges=edges[start[k] : start[k + 1]],
+            faces=beside[start[k] : start[k + 1]],
+            piece=int(piece[beside[start[k]]]),
+            centre=centre[k],
+            diameter=2.0 * float(radius[k]),
+            normal=normal[k],
+            flatness=float(flatness[k]),
+            steepness=float(steepness[k]),
+        )
+        for k in range(count)
     )
+
+
+def _loop_means(values: FloatArray, weights: FloatArray, label: IntArray, count: int) -> FloatArray:
+    """Returns the weighted mean of the values, shape (e, c), of each loop, shape (count, c)."""
+    total = np.bincount(label, weights, count)
+    sums = [np.bincount(label, weights * column, count) for column in values.T]
+    return np.stack(sums, axis=1) / total[:, None]
+
+
+def _plane_normals(rim: FloatArray, label: IntArray, count: int) -> FloatArray:
+    """Returns the unit normal of each loop's plane of least squares, shape (count, 3).
+
+    Args:
+        rim: The rims' vertices from their loop's centre, shape (v, 3), m.
+        label: The loop of each, shape (v,).
+        count: Number of loops.
+    """
+    scatter = np.empty((count, 3, 3))
+    for i in range(3):
+        for j in range(3):
+            scatter[:, i, j] = np.bincount(label, rim[:, i] * rim[:, j], count)
+    return np.asarray(np.linalg.eigh(scatter)[1][:, :, 0])
 
 
 def fan_cap(loop: Loop, centre_index: int) -> IntArray:
@@ -222,10 +256,12 @@ def signed_volumes(
     signed = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
     volume = np.zeros(pieces)
     np.add.at(volume, piece, signed)
-    for loop in loops:
-        ends = vertices[loop.edges] - origin
-        tip = loop.centre - origin
-        volume[loop.piece] += float((np.cross(ends[:, 1], ends[:, 0]) @ tip).sum()) / 6.0
+    if loops:
+        sizes = [len(loop.edges) for loop in loops]
+        ends = vertices[np.concatenate([loop.edges for loop in loops])] - origin
+        tips = np.repeat([loop.centre for loop in loops], sizes, axis=0) - origin
+        capped = np.einsum("ei,ei->e", np.cross(ends[:, 1], ends[:, 0]), tips) / 6.0
+        np.add.at(volume, np.repeat([loop.piece for loop in loops], sizes), capped)
     return volume
 
 
@@ -250,13 +286,11 @@ def _point_outward(
         upper[:, axis] = -np.inf
         np.minimum.at(lower[:, axis], piece, values.min(axis=1))
         np.maximum.at(upper[:, axis], piece, values.max(axis=1))
+    rank = np.empty(pieces, dtype=np.int64)
+    rank[order] = np.arange(pieces)
+    # The smallest box around a piece is the shell that it is nested in; it turns with that shell.
+    around = enclosing_boxes(lower, upper, rank)
     flip = np.zeros(pieces, dtype=np.bool_)
-    for rank, index in enumerate(order):
-        around = [
-            outer
-            for outer in order[:rank]
-            if (lower[outer] <= lower[index]).all() and (upper[outer] >= upper[index]).all()
-        ]
-        # The smallest box around it is the shell that it is nested in; it turns with that shell.
-        flip[index] = flip[around[-1]] if around else negative[index]
+    for index in order.tolist():
+        flip[index] = flip[around[index]] if around[index] >= 0 else negative[index]
     return ~flip

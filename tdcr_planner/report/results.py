@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, field_validator
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.collision.mesh_files.registry import mesh_sha256
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import (
     Count,
@@ -258,11 +259,11 @@ def _relative(path: Path, folder: Path) -> str:
 
 
 def _input_hashes(scenario: Scenario) -> dict[str, str]:
-    """SHA-256 of the files that decide what a path means: the robot and the meshes."""
-    files = {"robot": scenario.resolve(scenario.file.robot)}
+    """SHA-256 of the files that decide what a path means: the robot and the meshes with the files that they name."""
+    hashes = {"robot": sha256_of_file(scenario.resolve(scenario.file.robot))}
     for index, mesh in enumerate(scenario.file.meshes):
-        files[f"meshes[{index + 1}].file"] = scenario.resolve(mesh.file)
-    return {place: sha256_of_file(file) for place, file in files.items()}
+        hashes[f"meshes[{index + 1}].file"] = mesh_sha256(scenario.resolve(mesh.file))
+    return hashes
 
 
 def _path_content(path: TensionPath) -> dict[str, Any]:

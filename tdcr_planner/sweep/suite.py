@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from tdcr_planner.bounds import JOBS, SEARCH_SEED, TIME_S
+from tdcr_planner.collision.mesh_files.registry import mesh_sha256
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.files import (
     FileModel,
@@ -202,7 +203,7 @@ def _hash(content: SuiteFile, scenarios: Iterable[Scenario]) -> str:
                 "scenario": scenario.sha256,
                 "robot": scenario.robot.model_dump(mode="json"),  # whole: its body and limits decide paths, too
                 "model": None if model is None else sha256_of_file(model),
-                "meshes": [sha256_of_file(scenario.resolve(mesh.file)) for mesh in scenario.file.meshes],
+                "meshes": [mesh_sha256(scenario.resolve(mesh.file)) for mesh in scenario.file.meshes],
             }
         )
     return sha256_of_json({"suite": table, "inputs": inputs})

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tdcr_planner.collision.body import RobotBody, Shaft
 from tdcr_planner.collision.containment import make_side
-from tdcr_planner.collision.field import bounds_at, build_field
+from tdcr_planner.collision.field import LEAST_CELLS, MOST_FIELDS, bounds_at, build_field, share_nodes
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.scene import CollisionScene
 
@@ -258,3 +258,26 @@ def test_a_user_without_a_home_keeps_no_fields(shapes, monkeypatch):
     monkeypatch.setattr("pathlib.Path.home", no_home)
     mesh = SceneMesh.from_arrays("ball", *shapes.sphere(0.05), "obstacle")
     assert len(build_field(mesh, make_side(mesh), CELLS).values) > 0
+def test_small_meshes_get_few_nodes_and_many_share_a_bounded_number(shapes):
+    small = SceneMesh.from_arrays("small", *shapes.box((0.001, 0.002, 0.001)), "obstacle")
+    large = SceneMesh.from_arrays("large", *shapes.box((1.0, 1.0, 1.0)), "obstacle")
+    assert share_nodes([small, large], 3e-4) == [LEAST_CELLS, 500_000]
+    assert share_nodes([], 3e-4) == []
+    many = share_nodes([large] * 100 + [small], 3e-4)
+    assert sum(many) <= MOST_FIELDS * 500_000 + LEAST_CELLS
+    assert min(many) == LEAST_CELLS
+    assert share_nodes([large], 0.1) == [LEAST_CELLS]
+    assert share_nodes([large], 0.02) == [125_000]
+
+
+def test_many_meshes_answer_as_one_without_fields(shapes, paper, draw_poses):
+    meshes = [
+        SceneMesh.from_arrays(f"box {k}", *shapes.box((0.01, 0.02, 0.01), (0.05 * (k % 3), 0.03, 0.04 * k)), "obstacle")
+        for k in range(9)
+    ]
+    body = RobotBody(paper)
+    poses = draw_poses(paper, np.random.default_rng(8), 150)
+    fielded, exact = CollisionScene(meshes, body, cells=2000), CollisionScene(meshes, body, field=None)
+    verdicts = exact.check(*poses)
+    assert 0 < np.count_nonzero(verdicts) < len(verdicts)
+    np.testing.assert_array_equal(fielded.check(*poses), verdicts)

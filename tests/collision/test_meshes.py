@@ -194,3 +194,15 @@ def test_the_hash_tells_geometry_role_and_entry_apart(shapes):
     }
     assert len(hashes) == 5
     assert SceneMesh.from_arrays("other name", *ball, "obstacle").sha256 in hashes
+
+
+@pytest.mark.parametrize("far", [0.0, 2.0, 1e4, 5e5, -5e6])
+def test_a_plane_through_a_rim_is_its_entry_however_far_from_the_origin(shapes, far):
+    vertices, faces = shapes.pipe()
+    turn = np.array([[0.92106099, -0.38941834, 0.0], [0.38941834, 0.92106099, 0.0], [0.0, 0.0, 1.0]])
+    place = far * np.array([1.0, 0.9, -0.3])
+    mesh = SceneMesh.from_arrays("pipe", vertices @ turn.T + place, faces, "cavity", place, [0.0, 0.0, 1.0])
+    assert (len(mesh.entrances), len(mesh.caps)) == (1, 32)
+    assert mesh.entry.depth(mesh.vertices[mesh.entrances[0].edges]).max() <= 0.0
+    # The plane moves by no more than coordinates of that size round to.
+    assert np.abs(mesh.entry.point - place).max() <= 1e-12 + 1e-14 * abs(far)

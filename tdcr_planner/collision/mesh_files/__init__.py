@@ -1,0 +1,1 @@
+"""Reading mesh files: one module a format, and the registry of them."""
