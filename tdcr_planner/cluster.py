@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import time
 import uuid
 from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
@@ -72,8 +73,12 @@ def _connect(distributed: Any, address: str) -> Any:
     try:
         return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except Exception as error:  # each of Dask's transports raises what its own library does
-        advice = _ADVICE.get(address.partition("://")[0].lower(), "")
-        raise WorkersError(f"no scheduler answers at {address}: {describe_error(error)}{advice}") from error
+        problem = describe_error(error)
+    # The error's frames held the half-made client. Its finaliser waits for a lock that the start of another client
+    # holds: left to a collection during that start, both would wait for ever.
+    gc.collect()
+    advice = _ADVICE.get(address.partition("://")[0].lower(), "")
+    raise WorkersError(f"no scheduler answers at {address}: {problem}{advice}")
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import socket
 import threading
 from collections.abc import Iterator
@@ -79,18 +80,22 @@ def find_port(host: str, port: int) -> int:
     """
     if not 0 <= port <= LARGEST_PORT:
         raise InputError("--port", f"a port from 0 to {LARGEST_PORT}", port)
+    here = "an IPv4 address of this machine, such as 127.0.0.1 or 0.0.0.0"
+    try:
+        socket.getaddrinfo(host or "no address", None, socket.AF_INET)
+    except (socket.gaierror, UnicodeError) as error:
+        raise InputError("--host", here, repr(host)) from error
     for candidate in range(port, LARGEST_PORT + 1):
         try:
             with socket.create_server((host, candidate)) as listener:
                 found: int = listener.getsockname()[1]
                 return found
-        except (socket.gaierror, UnicodeError) as error:
-            raise InputError("--host", "an IPv4 address of this machine, such as 127.0.0.1 or 0.0.0.0", host) from error
         except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise InputError("--host", here, repr(host)) from error
             if error.errno != errno.EADDRINUSE:
-                raise InputError(
-                    "--port", f"a port of {host} to listen at", f"{candidate}: {error.strerror}"
-                ) from error
+                reason = os.strerror(error.errno or 0)
+                raise InputError("--port", f"a port of {host} to listen at", f"{candidate}: {reason}") from error
     raise InputError("--port", f"a port with a free one from it to {LARGEST_PORT}", port)
 
 

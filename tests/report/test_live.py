@@ -1,3 +1,4 @@
+import errno
 import socket
 import threading
 import time
@@ -51,15 +52,19 @@ def test_a_port_that_cannot_be_is_refused(port):
         find_port("127.0.0.1", port)
 
 
-@pytest.mark.parametrize("host", ["nowhere.invalid", "a" * 300, "::1"])
-def test_a_host_that_cannot_be_is_refused(host):
-    with pytest.raises(InputError, match="--host: expected an IPv4 address"):
+@pytest.mark.parametrize("host", ["nowhere.invalid", "a" * 300, "::1", "", "192.0.2.1"])
+def test_a_host_that_is_not_this_machine_is_refused(host):
+    with pytest.raises(InputError, match="--host: expected an IPv4 address of this machine"):
         find_port(host, 0)
 
 
-def test_an_address_of_another_machine_is_refused():
-    with pytest.raises(InputError, match="--port: expected a port of 192.0.2.1 to listen at"):
-        find_port("192.0.2.1", 0)
+def test_a_port_that_needs_a_permission_is_refused(monkeypatch):
+    def refuse(*_):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(socket, "create_server", refuse)
+    with pytest.raises(InputError, match="--port: .* to listen at, got 80: Permission denied"):
+        find_port("127.0.0.1", 80)
 
 
 def test_the_next_free_port_is_found():
