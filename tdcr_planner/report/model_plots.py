@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdcr_planner.report.drawing import Drawing, draw_pictures
-from tdcr_planner.report.plots import ALERT, PALETTE, new_figure, plain_log_axis, plot_style, save_figure
+from tdcr_planner.report.plots import ALERT, PALETTE, new_figure, plot_style, save_figure
 from tdcr_planner.report.text import figure_text
 
 if TYPE_CHECKING:
@@ -52,7 +52,6 @@ def _plot_by_disk(model: LearnedShape, evaluation: Evaluation, path: Path) -> No
             axes.semilogy(arc_lengths, np.maximum(level, 1e-9), label=name, color=PALETTE[colour])
         axes.set_xlabel("arc length, mm")
         axes.set_ylabel(unit)
-        plain_log_axis(axes, "y")
     bound = 1e3 * model.error_bound[1:]
     position.semilogy(arc_lengths, np.maximum(bound, 1e-9), "--", color=ALERT, label="error bound (whole disk)")
     position.legend()
@@ -72,7 +71,6 @@ def _plot_by_load(model: LearnedShape, evaluation: Evaluation, path: Path) -> No
     domain = model.card.domain
     axes.set_xlabel(f"load, % of {domain.gravity_m_s2:g} m/s² and {domain.tip_force_n:g} N")
     axes.set_ylabel("position error, mm")
-    plain_log_axis(axes, "y")
     axes.legend()
     figure.tight_layout()
     save_figure(figure, path)

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogFormatterMathtext, NullFormatter
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.report.drawing import Drawing
@@ -114,6 +114,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         ".svg": {"Date": None},
         ".pdf": {"CreationDate": None},
     }
+    use_plain_log_ticks(figure)
     figure.savefig(path, metadata=undated.get(suffix), facecolor="white")
 
 
@@ -144,11 +145,14 @@ def _width(text: Text) -> float:
     return float(text.get_window_extent().width)
 
 
-def plain_log_axis(axes: Axes, name: str) -> None:
-    """Gives a logarithmic axis, "x" or "y", ticks with plain numbers: matplotlib's own are formulas."""
-    axis = axes.xaxis if name == "x" else axes.yaxis
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}")))
-    axis.set_minor_formatter(NullFormatter())
+def use_plain_log_ticks(figure: Figure) -> None:
+    """Gives logarithmic axes plain numbers where they have matplotlib's own labels, which are formulas."""
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if isinstance(axis.get_major_formatter(), LogFormatterMathtext):
+                axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}")))
+            if isinstance(axis.get_minor_formatter(), LogFormatterMathtext):
+                axis.set_minor_formatter(NullFormatter())
 
 
 def draw_clearance(axes: Axes, times: FloatArray, clearance: FloatArray, required: float) -> None:

@@ -33,3 +33,29 @@ def test_a_plan_with_a_path_has_no_empty_files(
 ) -> None:
     assert run(["plan", str(make_scenario().path), "--out", str(tmp_path / "out")]) == 0
     assert EMPTY not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("fault", [ValueError("no such colour"), KeyboardInterrupt()])
+def test_pictures_that_fail_cost_neither_result_nor_exit_code(
+    make_scenario: Callable[..., Scenario],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    fault: BaseException,
+) -> None:
+    def fail(picture: object, file: Path) -> None:
+        raise fault
+
+    monkeypatch.setattr("tdcr_planner.report.scene_png.write_png", fail)
+    monkeypatch.setattr("tdcr_planner.report.scene_html.write_html", fail)
+    out = tmp_path / "out"
+    assert run(["plan", str(make_scenario(title="part_$REV_$DATE <b>").path), "--out", str(out), "--no-progress"]) == 0
+    assert sorted(file.name for file in out.iterdir()) == ["result.json", "shapes.npz", "trajectory.csv"]
+    told = capsys.readouterr()
+    assert "status:    verified" in told.out
+    assert "files:" in told.out
+    assert "path.png" not in told.out
+    if isinstance(fault, KeyboardInterrupt):
+        assert "interrupted while drawing: the result stands" in told.err
+    else:
+        assert told.err.count("is not drawn: ValueError: no such colour") == 2

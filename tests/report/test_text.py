@@ -136,15 +136,14 @@ def test_markdown_has_one_cell_and_no_markup(text):
         assert all((len(head) - len(head.rstrip("\\"))) % 2 == 1 for head in before)
 
 
-@pytest.mark.parametrize("name", ["x", "y"])
-def test_ticks_of_a_logarithmic_axis_are_plain_numbers(name):
+@pytest.mark.parametrize("span", [(1e-3, 1.0), (0.2, 0.9)])
+def test_ticks_of_logarithmic_axes_are_plain_numbers(span, tmp_path):
     with plots.plot_style():
         figure = plots.new_figure(300, 300)
         axes = figure.subplots()
-        axes.loglog([1e-3, 1.0], [1e-3, 1.0])
-        plots.plain_log_axis(axes, name)
-        figure.canvas.draw()
-        axis = axes.xaxis if name == "x" else axes.yaxis
-        shown = {label.get_text() for label in axis.get_ticklabels()}
-    assert {"0.001", "0.01", "1"} <= shown
+        axes.loglog(span, span)
+        plots.save_figure(figure, tmp_path / "log.png")
+        shown = [label.get_text() for axis in (axes.xaxis, axes.yaxis) for label in axis.get_ticklabels(which="both")]
     assert not any("$" in label for label in shown)
+    if span[0] < 0.01:
+        assert {"0.001", "0.01", "1"} <= set(shown)

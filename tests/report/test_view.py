@@ -160,3 +160,27 @@ def test_the_live_viewer_runs_until_it_is_interrupted(make_scenario, monkeypatch
     assert opened == ["http://127.0.0.1:8099"]
     assert stopped == [True]
     assert "Ctrl-C ends it" in capsys.readouterr().out
+
+
+def test_an_export_that_fails_costs_no_other_file(make_result, tmp_path, monkeypatch, capsys, caplog):
+    def fail(picture, file):
+        raise ValueError("no such colour")
+
+    monkeypatch.setattr("tdcr_planner.report.export.write_glb", fail)
+    file = write_result(make_result(), tmp_path / "out")
+    exports = tuple(tmp_path / name for name in ("a.glb", "b.csv"))
+    assert view(file, export=exports, open_browser=False) == 1
+    assert not exports[0].exists()
+    assert exports[1].stat().st_size > 0
+    assert capsys.readouterr().out.splitlines() == [str(file.with_name("path.html")), str(exports[1])]
+    assert f"{exports[0]} is not drawn: ValueError: no such colour" in caplog.text
+
+
+def test_the_verdict_on_a_start_is_told_though_its_page_fails(make_scenario, tmp_path, monkeypatch, capsys, caplog):
+    def fail(picture, file):
+        raise ValueError("no such colour")
+
+    monkeypatch.setattr("tdcr_planner.report.scene_html.write_html", fail)
+    assert view(make_scenario("paper").path, out=tmp_path / "look.html", open_browser=False) == 1
+    assert capsys.readouterr().out.startswith("start: valid")
+    assert "look.html is not drawn" in caplog.text
