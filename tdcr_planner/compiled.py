@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
-from numba.core import types
 
 from tdcr_planner.linked import LinkedCompiler
 from tdcr_planner.machine_code import MachineCodeCache
@@ -47,8 +46,8 @@ def _without_literals(get_call_template: Callable[..., Any]) -> Callable[..., An
 
     def resolve(args: Any, kws: Any) -> Any:
         return get_call_template(
-            tuple(types.unliteral(argument) for argument in args),
-            {name: types.unliteral(argument) for name, argument in kws.items()},
+            tuple(numba.types.unliteral(argument) for argument in args),
+            {name: numba.types.unliteral(argument) for name, argument in kws.items()},
         )
 
     return resolve

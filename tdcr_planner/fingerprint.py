@@ -110,7 +110,7 @@ def _value(value: Any, waiting: list[Any]) -> str:
     if isinstance(value, dict):
         return f"dict({', '.join(sorted(f'{_value(k, waiting)}:{_value(v, waiting)}' for k, v in value.items()))})"
     if isinstance(value, np.ndarray):
-        return f"array({value.dtype.str}, {value.shape}, {hashlib.sha256(np.ascontiguousarray(value)).hexdigest()})"
+        return f"array({value.dtype.str}, {value.shape}, {hashlib.sha256(value.tobytes()).hexdigest()})"
     if isinstance(value, ModuleType):
         return f"module:{value.__name__} {getattr(value, '__version__', '')}"
     if isinstance(value, Enum):

@@ -11,7 +11,7 @@ from numba.core.compiler import Compiler
 _CONSTANTS = "_ZN08NumbaEnv"  # how names of such pointers begin
 
 
-class LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
+class LinkedLibrary(JITCodeLibrary):
     """Code that is optimised and turned into machine code as a part of its callers only.
 
     numba does both for every function by itself as well, although nothing runs the outcome: a caller links the code,
@@ -36,7 +36,7 @@ class LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
 
-class LinkedCompiler(Compiler):  # type: ignore[misc]
+class LinkedCompiler(Compiler):
     """numba's compiler with a `LinkedLibrary`."""
 
     def define_pipelines(self) -> list[Any]:

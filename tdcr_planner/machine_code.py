@@ -29,7 +29,7 @@ _DAY_S = 86400.0
 _KEPT_S = 60 * _DAY_S  # without use
 
 
-class MachineCodeCache(_Cache):  # type: ignore[misc]
+class MachineCodeCache(_Cache):
     """The machine code of one function.
 
     numba asks it before it compiles and hands it what was compiled. Whatever fails here means that the function is

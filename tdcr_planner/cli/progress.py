@@ -155,7 +155,7 @@ class CompileBar(_Bar):
         # Imports numba, which only commands that compute need.
         from numba.core import event
 
-        class Listener(event.Listener):  # type: ignore[misc]
+        class Listener(event.Listener):
             """Hands numba's events on; compiling one function begins with compiling those that it calls."""
 
             def on_start(listener, event: Any) -> None:  # noqa: N805
@@ -189,5 +189,6 @@ class CompileBar(_Bar):
             print(f"{self.TITLE}: half a minute or so", file=sys.stderr, flush=True)
         if self._bar is None:
             self._open(self.TITLE, 1.0, _OPEN_ENDED)
+        assert self._bar is not None  # just opened
         if self._depth == 1:
-            self._move(0.0, name)
+            self._bar.set_postfix_str(name)

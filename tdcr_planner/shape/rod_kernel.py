@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ of tendons is given in the same way, so that their sums are straight code and th
 """
 
 FAST_MATH = {"contract", "reassoc", "nsz", "arcp"}
-COMPILED = {"fastmath": FAST_MATH, "cache": True, "error_model": "numpy", "boundscheck": False}
+COMPILED: dict[str, Any] = {"fastmath": FAST_MATH, "cache": True, "error_model": "numpy", "boundscheck": False}
 _INLINE = COMPILED | {"forceinline": True}
 
 # Rows of the work array; each row holds one number of each lane.

@@ -3,9 +3,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
+from numba.core import event
 
 from tdcr_planner.cli import progress
-from tdcr_planner.cli.progress import CountBar, StageBar
+from tdcr_planner.cli.progress import CompileBar, CountBar, StageBar
 
 
 class Clock:
@@ -69,3 +70,39 @@ def test_a_terminal_has_a_bar_and_no_lines(
         clock.now_s = 61.0
         bar.update(6, 20, "")
     assert "\n" not in capsys.readouterr().err.strip()
+
+
+class FakeFunction:
+    """What numba's events carry of a function that is compiled."""
+
+    def __init__(self, name: str) -> None:
+        self.py_func = type(name, (), {})
+
+
+def compile_events(clock: Clock, bar: CompileBar, seconds: list[float]) -> None:
+    with bar:
+        for number, duration in enumerate(seconds):
+            with event.trigger_event("numba:compile", data={"dispatcher": FakeFunction(f"kernel_{number}")}):
+                clock.now_s += duration
+
+
+def test_long_compiling_is_said_in_one_line(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    compile_events(clock, CompileBar(), [1.0, 1.5, 20.0, 20.0])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(CompileBar.TITLE)
+
+
+def test_short_or_unwanted_compiling_is_not_said(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    compile_events(clock, CompileBar(), [1.0, 20.0])
+    compile_events(clock, CompileBar(shown=False), [20.0, 20.0])
+    assert capsys.readouterr().err == ""
+
+
+def test_a_terminal_shows_the_function_that_is_compiled(
+    clock: Clock, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    compile_events(clock, CompileBar(), [3.0, 1.0, 1.0])
+    said = capsys.readouterr().err
+    assert "kernel_2" in said
+    assert "\n" not in said.strip()
