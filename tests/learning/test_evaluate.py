@@ -17,6 +17,9 @@ from tdcr_planner.shape.learned import load_shape_model
 
 CONFIG = """
 format = "tdcr-train/1"
+[domain]
+gravity_m_s2 = 0.0
+tip_force_n = 0.0
 [dataset]
 cases = 300
 validation_cases = 20
@@ -74,7 +77,21 @@ def test_train_command_writes_a_model(files, capsys):
     assert train(robot, out=out, config=config) == 0
     assert load_shape_model(out).card.training["dataset"]["cases"] == 300
     assert not checkpoint_path(out).exists()
-    assert "error bound" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert told.startswith("gravity up to 0 m/s^2: moves the unactuated tip by 0 mm")
+    assert "error bound" in told
+    assert told.splitlines()[-1].startswith("fit for planning: the error bound of")
+
+
+def test_train_command_ends_with_1_for_a_model_that_is_not_fit(files, capsys, monkeypatch):
+    monkeypatch.setattr("tdcr_planner.learning.fitness._BLAME_CASES", 200)
+    robot, config, out = files
+    config.write_text(CONFIG.replace("gravity_m_s2 = 0.0", "gravity_m_s2 = 20.0"))
+    assert train(robot, out=out, config=config) == 1
+    told = capsys.readouterr().out
+    assert "NOT fit for planning" in told
+    assert "most to blame: " in told
+    assert load_shape_model(out).card.domain.gravity_m_s2 == 20.0
 
 
 def test_train_command_says_what_an_interrupt_kept(files, capsys, monkeypatch):

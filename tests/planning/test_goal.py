@@ -8,8 +8,8 @@ from tdcr_planner.planning.goal import ConfigurationGoal, TipGoal
 FREE_BASE = {"insertion_m": [0.0, 0.1], "roll_deg": [-180.0, 180.0]}
 
 
-def tip_goal(make_setup, goal, robot="paper", boxes=(), base=FREE_BASE, seed=1):
-    setup = make_setup(robot, base=base, goal=goal, boxes=boxes)
+def tip_goal(make_setup, goal, robot="paper", boxes=(), base=FREE_BASE, seed=1, planner=None):
+    setup = make_setup(robot, base=base, goal=goal, boxes=boxes, planner=planner)
     return setup, TipGoal(setup.checker, setup.scenario.goals[0], seed)
 
 
@@ -50,7 +50,8 @@ def test_goal_states_look_where_they_should(make_setup):
 
 def test_goal_states_keep_to_limits_and_out_of_obstacles(make_setup):
     box = [[[-0.2, -0.2, 0.05], [0.2, -0.02, 0.4]]]
-    setup, goal = tip_goal(make_setup, {"tip_position_m": [0.06, 0.0, 0.22]}, "two_segment", boxes=box)
+    asked = {"tip_position_m": [0.06, 0.0, 0.22], "tip_tolerance_m": 0.002}
+    setup, goal = tip_goal(make_setup, asked, "two_segment", boxes=box, planner={"step_m": 0.002, "clearance_m": 0.0005})
     goal.search()
     assert goal.reached > len(goal.rows) > 0
     assert setup.checker.valid(np.array(goal.rows)).all()

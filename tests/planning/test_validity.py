@@ -172,7 +172,7 @@ def test_motion_scale_of_the_base_is_exact(make_setup):
     assert 0.01 < setup.checker.motion_scale[3] < 0.2
 
 
-CURVED = [[0.0, 4.0, 0.0], [3.0, -2.0, 0.0], [-2.0, 5.0, 1.5]]
+CURVED = [(0.0, 4.0, 0.0), (3.0, -2.0, 0.0), (-2.0, 5.0, 1.5)]
 
 
 @pytest.mark.parametrize("rest", CURVED)
@@ -194,7 +194,7 @@ def test_limits_of_a_curved_robot_count_from_its_rest(two_segment_robot, random,
 
 
 @pytest.mark.parametrize("beyond", [False, True])
-def test_a_curved_robot_may_rest_and_may_not_be_pulled_straight(make_setup, paper_robot, beyond):
+def test_a_curved_robot_may_rest_and_may_not_be_pulled_straight(paper_robot, beyond):
     backbone = paper_robot.backbone.model_copy(update={"rest_curvature_1_m": (0.0, 4.0, 0.0), "max_strain": 0.0015})
     robot = paper_robot.model_copy(update={"backbone": backbone})
     # Bending by -4 1/m strains the 0.5 mm rod by 0.2 %.
@@ -202,7 +202,7 @@ def test_a_curved_robot_may_rest_and_may_not_be_pulled_straight(make_setup, pape
     tensions = robot.tensions_from_bending([[[-pull if beyond else 0.0, 0.0]]])
     solution = solve_statics(robot, tensions)
     code = RobotLimits(robot).check(tensions, solution.rotations)[0]
-    assert (code == Cause.STRAIN.code) is beyond
+    assert bool(code == Cause.STRAIN.code) is beyond
 
 
 def test_states_at_the_ends_of_their_ranges_are_valid(make_setup):
