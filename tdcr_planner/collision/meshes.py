@@ -222,7 +222,8 @@ def _warn_of_rounding(file: Path, vertices: FloatArray) -> None:
     if step > ROUNDING_SHARE * size and (single == vertices).all():
         logger.warning(
             "%s: its coordinates of up to %.6g in single precision are multiples of %.2g, its size is %.3g: "
-            "its shape is rounded; move it near the origin before it is exported", file, np.abs(vertices).max(), step, size,
+            "its shape is rounded; move it near the origin before it is exported",
+            file, np.abs(vertices).max(), step, size,
         )  # fmt: skip
 
 
