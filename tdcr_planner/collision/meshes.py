@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray, check_array
 from tdcr_planner.collision.mesh_files.registry import read_mesh_file
+from tdcr_planner.collision.mesh_files.source import RawMesh
 from tdcr_planner.collision.topology import Loop, Surface, analyse, clean_mesh, fan_cap
 from tdcr_planner.collision.tree import TriangleTree, build_tree, winding_numbers
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
@@ -34,6 +35,8 @@ TEAR_STEEPNESS = 0.5
 ENTRY_SHARE = 1e-3
 # The entry plane stands before the rim by 16 times a double's rounding of the largest coordinate, at least by this, m.
 HAIR_SHARE, LEAST_HAIR = 16.0 * 2.0**-53, 1e-12
+# Coordinates that are rounded to more than this share of the mesh's size are warned of.
+ROUNDING_SHARE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -178,9 +181,14 @@ def load_scene_mesh(
         InputError: Unknown unit or role, entry without normal, or an entry for an obstacle.
         FormatError: The file is missing, unreadable, empty or not finite, or it cannot serve in its role.
     """
-    vertices, faces = read_triangles(path, unit)
     file = Path(path)
-    return replace(_build_mesh(name or file.name, vertices, faces, role, entry_point, entry_normal, file), unit=unit)
+    raw = _read(file, unit)
+    if raw.unit is not None and _DECLARED_UNITS.get(raw.unit, unit) != unit:
+        logger.warning("%s: declares lengths in %s and is read in %r; is that the right unit?", path, raw.unit, unit)
+    _warn_of_rounding(file, raw.vertices)
+    vertices = raw.vertices * METRES_PER_UNIT[unit]
+    mesh = _build_mesh(name or file.name, vertices, raw.faces, role, entry_point, entry_normal, file)
+    return replace(mesh, unit=unit)
 
 
 def read_triangles(path: str | Path, unit: str) -> tuple[FloatArray, IntArray]:
@@ -194,12 +202,29 @@ def read_triangles(path: str | Path, unit: str) -> tuple[FloatArray, IntArray]:
         InputError: Unknown unit.
         FormatError: The file is missing, or it is not understood whole.
     """
+    raw = _read(Path(path), unit)
+    return raw.vertices * METRES_PER_UNIT[unit], raw.faces
+
+
+def _read(file: Path, unit: str) -> RawMesh:
     if unit not in METRES_PER_UNIT:
         raise UnknownNameError("unit", str(unit), METRES_PER_UNIT, " for the mesh file's unit of length")
-    raw = read_mesh_file(Path(path))
-    if raw.unit is not None and _DECLARED_UNITS.get(raw.unit, unit) != unit:
-        logger.warning("%s: declares lengths in %s and is read in %r; is that the right unit?", path, raw.unit, unit)
-    return raw.vertices * METRES_PER_UNIT[unit], raw.faces
+    return read_mesh_file(file)
+
+
+def _warn_of_rounding(file: Path, vertices: FloatArray) -> None:
+    """Warns of a mesh in single precision that lies so far from the origin that its shape is rounded away."""
+    if not len(vertices) or not np.isfinite(vertices).all():
+        return
+    single = vertices.astype(np.float32)
+    step = float(np.spacing(np.abs(single).max()))
+    size = float(np.ptp(vertices, axis=0).max())
+    if step > ROUNDING_SHARE * size and (single == vertices).all():
+        logger.warning(
+            "%s: its coordinates of up to %.6g in single precision are multiples of %.2g, its size is %.3g: "
+            "its shape is rounded; move it near the origin before it is exported",
+            file, np.abs(vertices).max(), step, size,
+        )  # fmt: skip
 
 
 def _build_mesh(

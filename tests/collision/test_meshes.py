@@ -206,3 +206,13 @@ def test_a_plane_through_a_rim_is_its_entry_however_far_from_the_origin(shapes, 
     assert mesh.entry.depth(mesh.vertices[mesh.entrances[0].edges]).max() <= 0.0
     # The plane moves by no more than coordinates of that size round to.
     assert np.abs(mesh.entry.point - place).max() <= 1e-12 + 1e-14 * abs(far)
+
+
+def test_single_precision_far_from_the_origin_is_warned_of(shapes, tmp_path, caplog):
+    vertices, faces = shapes.box((0.2, 0.2, 0.2), fine=1)
+    with caplog.at_level(logging.WARNING):
+        load_scene_mesh(_export(tmp_path / "near.stl", vertices + 100.0, faces), "m", "obstacle")
+        load_scene_mesh(_export(tmp_path / "doubles.obj", vertices + 5e5, faces), "m", "obstacle")
+        assert not caplog.records
+        load_scene_mesh(_export(tmp_path / "far.stl", vertices + 5e5, faces), "m", "obstacle")
+    assert "in single precision are multiples of 0.031, its size is" in caplog.text

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tdcr_planner.collision.mesh_files.registry import read_mesh_file
-from tdcr_planner.collision.meshes import read_triangles
+from tdcr_planner.collision.meshes import load_scene_mesh
 from tdcr_planner.errors import FormatError
 
 PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
@@ -57,9 +57,9 @@ def test_nothing_but_the_standard_library_is_needed(writers, read, box, monkeypa
 def test_another_unit_than_the_files_own_is_warned_of(writers, path, box, caplog):
     path.write_bytes(writers.three_mf(writers.model(*box, attributes='unit="inch"')))
     with caplog.at_level(logging.WARNING):
-        read_triangles(path, "in")
+        load_scene_mesh(path, "in", "obstacle")
         assert not caplog.records
-        read_triangles(path, "mm")
+        load_scene_mesh(path, "mm", "obstacle")
     assert "declares lengths in inch and is read in 'mm'" in caplog.text
 
 
