@@ -327,6 +327,8 @@ def read_result(path: str | Path) -> PlanResult:
         if table.verification.worst_state >= len(tension_path):
             raise FormatError(file, f"expected a state below {len(tension_path)}", "verification.worst_state")
         report = _read_verification(table, len(tension_path), scenario, file)
+    if table.status is PlanStatus.VERIFIED and not (report is not None and report.verified):
+        raise FormatError(file, "is 'verified', expected a path and a verification that says so", "status")
     return PlanResult(
         status=table.status,
         message=table.message,
