@@ -203,12 +203,12 @@ def _make_staging(folder: Path) -> tuple[Path, int | None]:
     while True:
         staging = Path(tempfile.mkdtemp(prefix=STAGING_PREFIX, dir=folder))
         descriptor = _open_folder(staging)
-        if descriptor is None:
-            return staging, None
+        state = LockState.UNAVAILABLE if descriptor is None else try_lock(descriptor)
         # Another process may have taken the lock, and the folder for abandoned, before this one could.
-        if try_lock(descriptor) is not LockState.IN_USE and staging.exists():
+        if state is not LockState.IN_USE and staging.exists():
             return staging, descriptor
-        os.close(descriptor)
+        if descriptor is not None:
+            os.close(descriptor)
 
 
 def _remove_abandoned(folder: Path) -> None:

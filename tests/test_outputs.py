@@ -178,6 +178,25 @@ def test_what_a_killed_process_left_is_removed_by_the_next_that_writes_there(tmp
     assert sorted(item.name for item in tmp_path.iterdir()) == ["b"]
 
 
+def test_many_that_write_into_one_folder_leave_each_other_alone(tmp_path: Path) -> None:
+    faults: list[BaseException] = []
+
+    def work(number: int) -> None:
+        try:
+            for step in range(20):
+                write(tmp_path / f"{number}", str(step))
+        except BaseException as error:
+            faults.append(error)
+
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert faults == []
+    assert {item.name: item.read_text() for item in tmp_path.iterdir()} == {str(number): "19" for number in range(8)}
+
+
 def test_where_there_are_no_locks_age_decides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(outputs, "try_lock", lambda _: LockState.UNAVAILABLE)
     fresh, old = tmp_path / f"{STAGING_PREFIX}a", tmp_path / f"{STAGING_PREFIX}b"

@@ -149,12 +149,13 @@ def test_the_live_viewer_runs_until_it_is_interrupted(make_scenario, monkeypatch
         def stop(self):
             stopped.append(True)
 
-    def serve(session, port):
-        assert port == 8099
+    def serve(session, port, host):
+        assert (port, host) == (8099, "127.0.0.1")
         assert session.scenario.file.title == "Pipe & <ball>"
         return Viewer()
 
     monkeypatch.setattr("tdcr_planner.report.live.serve_live", serve)
+    monkeypatch.setattr("tdcr_planner.report.live.find_port", lambda _, port: port)
     monkeypatch.setattr("threading.Event.wait", interrupt)
     assert view(make_scenario("paper").path, live=True, port=8099) == 0
     assert opened == ["http://127.0.0.1:8099"]
