@@ -46,7 +46,6 @@ def plan(
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
 
-    started = time.perf_counter()
     given = {"seed": seed, "name": planner, "validity": validity, "time_limit_s": time_limit_s}
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
@@ -54,6 +53,7 @@ def plan(
     # Seconds to import: what is wrong with the arguments is said before.
     from tdcr_planner.session import PlanningSession, PlanStatus
 
+    started = time.perf_counter()
     with CompileBar(shown=progress):
         session = PlanningSession(query)
         session.use_roadmap(roadmap)
