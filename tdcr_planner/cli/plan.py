@@ -49,7 +49,6 @@ def plan(
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
 
-    started = time.perf_counter()
     given = {"seed": seed, "name": planner, "validity": validity, "time_limit_s": time_limit_s}
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
@@ -59,6 +58,7 @@ def plan(
 
     check_folder(out, RESULT_FILES)
     tell_cost("time_limit_s", query.planner.time_limit_s)
+    started = time.perf_counter()
     with CompileBar(shown=progress):
         session = PlanningSession(query)
         session.use_roadmap(roadmap)
