@@ -40,7 +40,7 @@ class PlanResult:
         timings_s: Seconds: load, plan, verify, total.
         planner: name, iterations or vertices, states_checked, edges_checked, rejected (a count a cause); with a
             roadmap in use roadmap: vertices, edges, answered (whether the path came from it) and reason (why not).
-        hashes: SHA-256 of scenario, robot mechanics and shape model.
+        hashes: SHA-256 of scenario, robot mechanics, geometry as read and shape model.
         versions: Versions of the libraries involved.
     """
 

@@ -25,6 +25,8 @@ Role = Literal["cavity", "obstacle"]
 METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 # The units of 3MF files.
 _DECLARED_UNITS = {"meter": "m", "centimeter": "cm", "millimeter": "mm", "inch": "in", "micron": "um", "foot": "ft"}
+# Coordinates beyond this are damage, not a place on Earth; products of them stay far from overflow.
+LARGEST = 1e9
 POINT_DIGITS = 5  # of a coordinate in metres, in messages
 
 # An opening's rim may leave its plane by this share of its diameter and still be capped flat.
@@ -216,8 +218,9 @@ def _warn_of_rounding(file: Path, vertices: FloatArray) -> None:
     """Warns of a mesh in single precision that lies so far from the origin that its shape is rounded away."""
     if not len(vertices) or not np.isfinite(vertices).all():
         return
-    single = vertices.astype(np.float32)
-    step = float(np.spacing(np.abs(single).max()))
+    with np.errstate(all="ignore"):  # coordinates beyond single precision are refused later
+        single = vertices.astype(np.float32)
+        step = float(np.spacing(np.abs(single).max()))
     size = float(np.ptp(vertices, axis=0).max())
     if step > ROUNDING_SHARE * size and (single == vertices).all():
         logger.warning(
@@ -276,6 +279,11 @@ def _check_geometry(where: str | Path, vertices: ArrayLike, faces: ArrayLike) ->
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise FormatError(where, f"is not finite: {points[bad[0]].tolist()}", f"vertex {bad[0]}")
+    if np.abs(points).max() > LARGEST:
+        far = int(np.abs(points).max(axis=1).argmax())
+        raise FormatError(
+            where, f"expected coordinates of up to {LARGEST:g} m, got {points[far].tolist()}", f"vertex {far}"
+        )
     return points, triangles
 
 

@@ -33,8 +33,12 @@ def triangulate(path: Path, vertices: FloatArray, counts: IntArray, corners: Int
         corners: Vertex indices, polygon by polygon, shape (sum of counts,).
 
     Raises:
-        FormatError: A polygon has fewer than three corners, names a missing vertex or crosses itself.
+        FormatError: A vertex is not finite; a polygon has fewer than three corners, names a missing vertex or crosses
+            itself.
     """
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        raise FormatError(path, f"is not finite: {vertices[bad[0]].tolist()}", f"vertex {bad[0]}")
     few = np.flatnonzero(counts < 3)
     if len(few):
         raise FormatError(

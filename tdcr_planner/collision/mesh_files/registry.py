@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+import numpy as np
+
 from tdcr_planner.collision.mesh_files.gltf import GLTF
 from tdcr_planner.collision.mesh_files.obj import OBJ
 from tdcr_planner.collision.mesh_files.off import OFF
@@ -29,7 +31,8 @@ def find_format(path: Path) -> MeshFormat:
 
 def read_mesh_file(path: Path) -> RawMesh:
     """Returns the triangles of a file, in its unit of length; a file that is not understood whole is refused."""
-    return find_format(path).read(path)
+    with np.errstate(all="ignore"):  # what is not finite is refused by whoever uses the vertices
+        return find_format(path).read(path)
 
 
 def mesh_sha256(path: Path) -> str:

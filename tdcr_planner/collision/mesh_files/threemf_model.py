@@ -21,7 +21,7 @@ from tdcr_planner.errors import FormatError
 
 MAX_DEPTH = 32
 # Components of components multiply: this many placed objects are more than any model needs.
-MAX_PLACED = 100_000
+MAX_PLACED = 20_000
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 # Extensions that change no geometry; production names parts in other files, which `start` refuses.

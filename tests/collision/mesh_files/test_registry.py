@@ -106,3 +106,16 @@ def test_the_hash_of_a_single_file_is_that_of_its_bytes_and_covers_a_buffer_besi
     data[-1] ^= 1
     gltf.with_suffix(".bin").write_bytes(data)
     assert mesh_sha256(gltf) != before
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30, -1e300])
+@pytest.mark.filterwarnings("ignore:overflow encountered in cast:RuntimeWarning")
+def test_vertices_that_are_not_finite_or_absurd_are_refused(writers, box, tmp_path, kind, value):
+    vertices = box[0].copy()
+    vertices[3, 1] = value
+    path = writers.write(tmp_path / f"box.{kind}", kind, vertices, box[1])
+    with pytest.raises(
+        FormatError, match="not finite|coordinates of up to 1e.09 m|is no number of JSON|expected a num"
+    ):
+        load_scene_mesh(path, "m", "obstacle")

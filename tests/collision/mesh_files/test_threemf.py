@@ -108,7 +108,7 @@ def test_components_that_multiply_or_hold_themselves_are_refused(writers, read, 
         for k in range(1, 20)
     )
     model = writers.model(*box).replace("</resources>", f"{objects}</resources>")
-    with pytest.raises(FormatError, match="places more than 100000 objects"):
+    with pytest.raises(FormatError, match="places more than 20000 objects"):
         read(model.replace('<item objectid="1"/>', '<item objectid="20"/>'))
     itself = '<object id="2"><components><component objectid="2"/></components></object></resources>'
     with pytest.raises(FormatError, match="object 2: is nested more than"):
