@@ -14,7 +14,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import Count, FileModel, Model, NotNegative, parse_json, parse_table
+from tdcr_planner.files import Count, FileModel, Model, NotNegative, parse_table
+from tdcr_planner.json_text import parse_json
 from tdcr_planner.sweep.suite import Suite
 
 JOURNAL_NAME = "jobs.jsonl"
