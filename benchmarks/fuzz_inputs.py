@@ -41,7 +41,7 @@ def change_table(content: dict[str, Any], random: Random, write: Callable[[Any],
     places = list(_places(changed, free))
     holder, key, value = places[random.integers(len(places))]
     if isinstance(holder, dict) and random.random() < 0.1:
-        holder["unknown_key"] = 1
+        holder["unknown_key"] = []  # nor may a table of any names hold a list
         return write(changed).encode(), REFUSED, "unknown key"
     forbidden: tuple[Any, ...]
     if isinstance(value, bool):

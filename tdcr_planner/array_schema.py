@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import tokenize
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -174,7 +177,7 @@ class _Header:
 
 
 def _read_header(archive: Archive, name: str) -> _Header:
-    with archive.open(name + _ENDING) as stream:
+    with archive.open(name + _ENDING) as stream, _header_faults_named(archive.path, name):
         version = npy.read_magic(stream)
         if version == (1, 0):
             shape, column_major, dtype = npy.read_array_header_1_0(stream, max_header_size=_LONGEST_HEADER)
@@ -183,6 +186,17 @@ def _read_header(archive: Archive, name: str) -> _Header:
         else:
             raise FormatError(archive.path, f"expected NPY version 1 or 2, got {version}", name)
         return _Header(shape, column_major, dtype, stream.tell())
+
+
+@contextmanager
+def _header_faults_named(path: Path, name: str) -> Iterator[None]:
+    """Turns what NumPy's parser raises, and what it warns of in headers of other programs, into a FormatError."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            yield
+    except (SyntaxError, tokenize.TokenError, TypeError, MemoryError, Warning) as error:
+        raise FormatError(path, f"is damaged: its header cannot be read ({type(error).__name__})", name) from error
 
 
 def _check_type(path: str | Path, name: str, dtype: np.dtype[Any], spec: ArraySpec) -> None:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-import reprlib
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, cast, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema
 
 from tdcr_planner.errors import FormatError, nearest_name
 from tdcr_planner.inputs import check_file, check_name, find_named_file, open_file, read_bytes, read_text, real_path
+from tdcr_planner.json_text import parse_json
 from tdcr_planner.outputs import check_file_target, check_folder, is_private, write_file_whole, write_folder_whole
+from tdcr_planner.strict_numbers import describe_value, with_strict_numbers
 
 __all__ = [
     "FileModel",
@@ -42,43 +42,6 @@ __all__ = [
     "write_folder_whole",
 ]
 
-LARGEST_NUMBER = 1e30
-"""Of any number in a file: fourth powers of it, as of a radius in a stiffness, are still finite."""
-
-
-def describe_value(value: object) -> str:
-    """Returns what a message shows of a value: its form in Python, cut where it is long."""
-    short = reprlib.Repr()
-    short.maxlist = short.maxtuple = short.maxdict = 8
-    short.maxstring = short.maxother = 120
-    try:
-        return short.repr(value)
-    except ValueError:  # Python writes no number of more than 4300 digits
-        return "a number of thousands of digits"
-
-
-def _check_number(value: Any) -> Any:
-    if isinstance(value, bool | str):
-        raise ValueError(f"input should be a valid number, got {describe_value(value)}")
-    if isinstance(value, int | float) and LARGEST_NUMBER < abs(value) < math.inf:
-        raise ValueError(f"expected a number of at most {LARGEST_NUMBER:g} in size, got {describe_value(value)}")
-    return value
-
-
-def _with_strict_numbers(schema: Any) -> Any:
-    """Returns a core schema of pydantic whose numbers, wherever they stand in it, pass `_check_number` first."""
-    if isinstance(schema, list | tuple):
-        return type(schema)(_with_strict_numbers(item) for item in schema)
-    if not isinstance(schema, dict):
-        return schema
-    if schema.get("type") == "function-before" and schema["function"].get("function") is _check_number:
-        return schema
-    if schema.get("type") in ("int", "float"):
-        return core_schema.no_info_before_validator_function(_check_number, cast(CoreSchema, schema))
-    if schema.get("type") == "bool":
-        return {**schema, "strict": True}
-    return {key: _with_strict_numbers(value) for key, value in schema.items()}
-
 
 class FileModel(BaseModel):
     """Base of every table read from a file: unknown keys are errors, values cannot change.
@@ -91,7 +54,7 @@ class FileModel(BaseModel):
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Returns pydantic's schema, with its numbers as strict as this class says."""
-        schema: CoreSchema = _with_strict_numbers(handler(source))
+        schema: CoreSchema = with_strict_numbers(handler(source))
         return schema
 
 
@@ -118,51 +81,6 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 def read_json(path: str | Path) -> dict[str, Any]:
     """Returns a JSON file's content, which must be an object."""
     return parse_json(read_text(path), path)
-
-
-def parse_json(text: str | bytes, path: str | Path, place: str = "") -> dict[str, Any]:
-    """Returns the object that a JSON text holds.
-
-    Args:
-        text: The text.
-        path: The file that it comes from, for messages.
-        place: Where in the file it stands.
-
-    Raises:
-        FormatError: It is no JSON, no object, nested too deeply, names a key twice, holds a number beyond floats or
-            half of a character.
-    """
-    try:
-        content = json.loads(
-            text, object_pairs_hook=_once_each, parse_float=_finite_float, parse_constant=_refuse_constant
-        )
-        if ("\\u" if isinstance(text, str) else b"\\u") in text:  # type: ignore[operator]
-            # JSON can spell halves of characters, which no text file can hold.
-            json.dumps(content, ensure_ascii=False).encode()
-    except (ValueError, RecursionError) as error:
-        raise FormatError(path, f"is not valid JSON: {error}", place) from error
-    if not isinstance(content, dict):
-        raise FormatError(path, f"expected a JSON object, got {type(content).__name__}", place)
-    return content
-
-
-def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    content = dict(pairs)
-    if len(content) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise ValueError(f"key {next(name for name in names if names.count(name) > 1)!r} stands there twice")
-    return content
-
-
-def _finite_float(text: str) -> float:
-    number = float(text)
-    if not math.isfinite(number):
-        raise ValueError(f"{text[:40]} is beyond the numbers that are read")
-    return number
-
-
-def _refuse_constant(text: str) -> float:
-    raise ValueError(f"{text} is no number of JSON")
 
 
 def parse_table(model: type[Model], content: Mapping[str, Any], path: str | Path) -> Model:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import tracemalloc
 import zipfile
@@ -123,6 +124,22 @@ def test_a_header_that_promises_more_than_there_is_takes_no_memory(shape: str) -
         assert tracemalloc.get_traced_memory()[1] < 1_000_000
     finally:
         tracemalloc.stop()
+
+
+@given(st.integers(6, 127), st.binary(min_size=1, max_size=3))
+@settings(max_examples=400, deadline=None)
+def test_any_header_is_read_or_refused(place: int, noise: bytes) -> None:
+    arrays = track()
+    record = io.BytesIO()
+    np.lib.format.write_array(record, arrays["points"])
+    content = record.getvalue()
+    content = content[:place] + noise + content[place + len(noise) :]
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(npz(arrays))) as source, zipfile.ZipFile(buffer, "w") as target:
+        for name in source.namelist():
+            target.writestr(name, content if name == "points.npy" else source.read(name))
+    with contextlib.suppress(FormatError):
+        assert read_arrays("a.npz", SCHEMA, content=buffer.getvalue())[0]["points"].shape == (4, 3)
 
 
 def test_text_that_is_none_is_refused() -> None:

@@ -12,7 +12,6 @@ from tdcr_planner.errors import FormatError
 from tdcr_planner.files import (
     FileModel,
     check_folder,
-    parse_json,
     parse_table,
     read_json,
     read_text,
@@ -154,56 +153,6 @@ def test_a_folder_without_permission_cannot_be_written(tmp_path: Path, monkeypat
     monkeypatch.setattr("os.access", lambda *_: False)
     with pytest.raises(FormatError, match="no permission in"):
         check_folder(tmp_path / "below")
-
-
-class Numbers(FileModel):
-    real: float = 1.0
-    whole: int = 1
-    flag: bool = True
-    many: tuple[float, ...] = ()
-    named: dict[str, int] = {}
-
-
-@pytest.mark.parametrize(
-    "value",
-    [True, "1", "", 1e31, -1e31, pytest.param(10**5000, id="digits"), float("inf"), float("nan"), [1.0], {}, None],
-)
-@pytest.mark.parametrize("key", ["real", "whole", "many", "named"])
-def test_a_number_is_a_number(key: str, value: object) -> None:
-    given = {"many": [0.0, value], "named": {"a": value}}.get(key, value)
-    with pytest.raises(FormatError, match=f"a.toml: {key}") as caught:
-        parse_table(Numbers, {key: given}, "a.toml")
-    assert len(str(caught.value)) < 300
-
-
-def test_numbers_that_are_whole_serve_both_kinds() -> None:
-    table = parse_table(Numbers, {"real": 2, "whole": 3.0, "many": [1, 2.5], "named": {"a": 4}}, "a.toml")
-    assert (table.real, table.whole, table.many, table.named) == (2.0, 3, (1.0, 2.5), {"a": 4})
-
-
-@pytest.mark.parametrize("value", [1, 0, "true", 1.0])
-def test_a_flag_is_true_or_false(value: object) -> None:
-    with pytest.raises(FormatError, match="flag"):
-        parse_table(Numbers, {"flag": value}, "a.toml")
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("[" * 100_000, "not valid JSON"),
-        ('{"a": ' * 100_000, "not valid JSON"),
-        ('{"a": ' + "9" * 5000 + "}", "digits"),
-        ('{"a": 1e999}', "1e999 is beyond"),
-        ('{"a": NaN}', "NaN is no number"),
-        ('{"a": -Infinity}', "Infinity is no number"),
-        ('{"a": 1, "a": 2}', "'a' stands there twice"),
-        ("[1]", "expected a JSON object, got list"),
-        ("", "not valid JSON"),
-    ],
-)
-def test_json_that_is_none_is_refused(text: str, words: str) -> None:
-    with pytest.raises(FormatError, match=f"a.json: .*{words}"):
-        parse_json(text, "a.json")
 
 
 @pytest.mark.parametrize(

@@ -21,11 +21,11 @@ from tdcr_planner.files import (
     FileModel,
     NotNegative,
     Positive,
-    parse_json,
     parse_table,
     sha256_of_json,
     write_file_whole,
 )
+from tdcr_planner.json_text import parse_json
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.scene import differences, scene_facts
 from tdcr_planner.shape.base import ShapeModel

@@ -9,7 +9,8 @@ from pathlib import Path
 from tdcr_planner.archive import Archive, open_archive
 from tdcr_planner.array_schema import Array, ArraySchema, ArraySpec, read_arrays
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import parse_json, parse_table
+from tdcr_planner.files import parse_table
+from tdcr_planner.json_text import parse_json
 from tdcr_planner.shape.card import ModelCard
 from tdcr_planner.shape.shooting import MOST_CORRECTIONS, MOST_LAYERS, MOST_WIDTH, ShootingWeights
 from tdcr_planner.shape.stored_module import StoredModule, read_stored_module

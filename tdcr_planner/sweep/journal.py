@@ -21,9 +21,9 @@ from tdcr_planner.files import (
     NotNegative,
     check_file,
     check_file_target,
-    parse_json,
     parse_table,
 )
+from tdcr_planner.json_text import parse_json
 from tdcr_planner.locks import LockState, try_lock
 from tdcr_planner.sweep.suite import Suite
 
