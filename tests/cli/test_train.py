@@ -36,7 +36,9 @@ def test_processes_train_the_same_model(
     robot, models = root / "models/robots/inspection.toml", []
     for name, options in (("here", []), ("there", ["--jobs", "1"])):
         out = tmp_path / f"{name}.pt"
-        assert run(["train", str(robot), "--config", str(config), "--out", str(out), *options]) == 1  # one epoch makes no model that is fit
+        assert (
+            run(["train", str(robot), "--config", str(config), "--out", str(out), *options]) == 1
+        )  # one epoch makes no model that is fit
         models.append(load_shape_model(out))
     printed = capsys.readouterr()
     assert models[1].card.describe() in printed.out

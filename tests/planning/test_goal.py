@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from tdcr_planner.planning.goal import ConfigurationGoal, TipGoal
+from tdcr_planner.shape.base import DiskPoses
+from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 
 FREE_BASE = {"insertion_m": [0.0, 0.1], "roll_deg": [-180.0, 180.0]}
 
@@ -51,7 +53,9 @@ def test_goal_states_look_where_they_should(make_setup):
 def test_goal_states_keep_to_limits_and_out_of_obstacles(make_setup):
     box = [[[-0.2, -0.2, 0.05], [0.2, -0.02, 0.4]]]
     asked = {"tip_position_m": [0.06, 0.0, 0.22], "tip_tolerance_m": 0.002}
-    setup, goal = tip_goal(make_setup, asked, "two_segment", boxes=box, planner={"step_m": 0.002, "clearance_m": 0.0005})
+    setup, goal = tip_goal(
+        make_setup, asked, "two_segment", boxes=box, planner={"step_m": 0.002, "clearance_m": 0.0005}
+    )
     goal.search()
     assert goal.reached > len(goal.rows) > 0
     assert setup.checker.valid(np.array(goal.rows)).all()
@@ -138,3 +142,20 @@ def test_the_nearest_place_is_nearer_than_any_of_many_samples(make_setup, random
     rows = rows[(setup.checker.actuate(rows).tensions <= setup.space.robot.max_tensions).all(axis=1)]
     sampled = np.linalg.norm(tip_of(setup, rows)[0] - target, axis=1).min()
     assert 0.002 < np.linalg.norm(goal.nearest[1] - target) <= sampled
+
+
+class Shapeless(ConstantCurvatureShape):
+    """Has no shape for any tensions, as a robot whose stiffness is a million times too small."""
+
+    def disk_poses(self, tensions, *, gravity=None, tip_force=None):
+        poses = super().disk_poses(tensions, gravity=gravity, tip_force=tip_force)
+        return DiskPoses(poses.positions, poses.rotations, np.zeros(len(tensions), dtype=np.bool_))
+
+
+def test_a_robot_without_any_shape_is_told_as_that(make_setup):
+    asked = {"tip_position_m": [0.05, 0.0, 0.2]}
+    setup = make_setup(base=FREE_BASE, goal=asked, model=Shapeless)
+    goal = TipGoal(setup.checker, setup.scenario.goals[0], 1)
+    goal.search()
+    assert goal.unreachable().startswith("no shape was found for any configuration (statics)")
+    assert "nan" not in goal.unreachable()
