@@ -10,7 +10,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.planning.goal_room import RoomSearch
 from tdcr_planner.planning.relaxation import offers_room, within_limits
 from tdcr_planner.planning.scenario import Goal
-from tdcr_planner.planning.shortfall import describe_shortfall
+from tdcr_planner.planning.shortfall import count_free_without_bound, describe_shortfall
 from tdcr_planner.planning.validity import ValidityChecker, sample_within_tensions
 
 _DIFFERENCE_M = 1e-3  # body motion of a finite difference: far above float32 noise, far below the arcs' radii
@@ -207,6 +207,11 @@ class TipGoal:
         if blocked is None:
             return ""
         tried = f"{self.reached} that reach it were tried"
+        if self._room is not None and self._checker.model.error_bound.max() > 0.0:
+            free = count_free_without_bound(self._checker, self._room.reaching)
+            tried += (
+                f", {free} of the {len(self._room.reaching)} roomiest would be free without the model's error bound"
+            )
         return f"{tried}; in the way of the roomiest: {describe_shortfall(self._checker, blocked)}"
 
     def exhausted(self) -> bool:

@@ -17,6 +17,7 @@ from tdcr_planner.planning.objectives import PathCost
 from tdcr_planner.planning.offered import IMPROVING, PLANNERS, REFUSED, check_planner, planner_parameters
 from tdcr_planner.planning.ompl_run import FIRST_TREE, RENEWED, PlannerRun, Progress
 from tdcr_planner.planning.passage import Passage
+from tdcr_planner.planning.refusals import impossible_tip, missed_entries
 from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.smoothing import path_cost, shorten
 from tdcr_planner.planning.spaces import ConfigurationSpace
@@ -161,13 +162,13 @@ class _Query:
         for number, goal in enumerate(self.scenario.goals):
             source = self._source(goal, number)
             self.sources.append(source)
-            problem = self._first_states(source)
+            problem = impossible_tip(self.checker, goal) or self._first_states(source)
             if problem:
                 return self._outcome(SearchStatus.INVALID_GOAL, f"{self._name(number)}: {problem}")
             if not source.rows:
                 message = f"{self._name(number)}: no configuration that reaches it was found to be free of collision"
-                obstruction = source.obstruction()
-                return self._outcome(SearchStatus.NO_PATH, f"{message} ({obstruction})" if obstruction else message)
+                reasons = "; ".join(filter(None, [source.obstruction(), missed_entries(self.checker)]))
+                return self._outcome(SearchStatus.NO_PATH, f"{message} ({reasons})" if reasons else message)
         return self._travel(start, self._order(start))
 
     def _travel(self, start: FloatArray, order: tuple[int, ...]) -> SearchOutcome:

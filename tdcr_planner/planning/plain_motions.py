@@ -77,9 +77,7 @@ class PlainMotions:
         valid = self.edges.checker.valid(np.concatenate(inner))
         ends = np.cumsum([len(rows) for rows in inner])
         return [
-            motion
-            for motion, rows, end in zip(motions, inner, ends, strict=True)
-            if valid[end - len(rows) : end].all()
+            motion for motion, rows, end in zip(motions, inner, ends, strict=True) if valid[end - len(rows) : end].all()
         ]
 
     def _motions(self, start: FloatArray, goal: FloatArray) -> list[_Motion]:

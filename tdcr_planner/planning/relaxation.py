@@ -51,7 +51,9 @@ class Relaxation:
         evaluated: How many shapes it has asked for.
     """
 
-    def __init__(self, checker: ValidityChecker, wanted: float, unit: float, residuals: Residuals | None = None) -> None:
+    def __init__(
+        self, checker: ValidityChecker, wanted: float, unit: float, residuals: Residuals | None = None
+    ) -> None:
         """Prepares the relaxation.
 
         Args:

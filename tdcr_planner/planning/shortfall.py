@@ -39,5 +39,16 @@ def describe_shortfall(checker: ValidityChecker, row: FloatArray) -> str:
     return f"{problem}; {has}, {needs}"
 
 
+def count_free_without_bound(checker: ValidityChecker, rows: FloatArray) -> int:
+    """Returns how many configurations (n, dimension) would be free if the shape model had no error bound."""
+    scene = checker.scene
+    if not len(rows) or not hasattr(scene, "with_margins"):
+        return 0
+    positions, rotations, solved = checker.world_poses(rows)
+    margins = np.asarray(scene.body.margins) - np.asarray(checker.model.error_bound)  # type: ignore[attr-defined]
+    bare = scene.with_margins(np.maximum(margins, 0.0))
+    return int((bare.check(positions[solved], rotations[solved]) == 0).sum())
+
+
 def _mm(length: float) -> str:
     return f"{1e3 * length:.3g} mm"
