@@ -1,8 +1,8 @@
 """Makes the meshes of the narrow ports: plates with a hole, two plates with offset holes, elbows and tubes.
 
-Every port's axis is the world's x axis. A plate is a closed disc with a hole; pipes are surfaces, open at the mouth in the
-plane x = 0 and closed by a cap at the far end. Circles are polygons about their nominal circle, so that no hole is narrower
-than its name says. Lengths in mm.
+Every port's axis is the world's x axis. A plate is a closed disc with a hole; pipes are surfaces, open at the mouth in
+the plane x = 0 and closed by a cap at the far end. Circles are polygons about their nominal circle, so that no hole is
+narrower than its name says. Lengths in mm.
 
 Run it with no arguments to write the meshes beside this file: the same bytes each time.
 """

@@ -69,9 +69,9 @@ class SearchOutcome:
         rows: Waypoints of the path, shape (k, dimension), or None.
         goals: Index in rows at which each goal is reached, in the order of travel.
         order: The goals' numbers (from 0) in the order of travel.
-        statistics: name, iterations, goal_states, states_checked, edges_checked, rejected (a count a cause), answered_by
-            ("plain_motions", "retraction", "planner", "roadmap" or "": what found the path of the last leg), and
-            retraction where states were pulled back (states, steps, out, from_insertion_m, to_insertion_m).
+        statistics: name, iterations, goal_states, states_checked, edges_checked, rejected (a count a cause),
+            answered_by ("plain_motions", "retraction", "planner" or "roadmap", whichever found the last leg's path, or
+            ""), and retraction where states were pulled back (see `Passage.statistics`).
     """
 
     status: SearchStatus

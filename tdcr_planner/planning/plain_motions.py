@@ -30,9 +30,9 @@ class _Motion:
 class PlainMotions:
     """Motions of few legs in each of which only some coordinates move.
 
-    From a start to a goal state: straight; pushed, then bent; bent, then pushed; straightened, pushed, bent; pulled back,
-    bent, pushed; each also with the roll turned first. Straightened means bent so that the body lies nearest to the
-    base's axis under its loads.
+    From a start to a goal state: straight; pushed, then bent; bent, then pushed; straightened, pushed, bent; pulled
+    back, bent, pushed; each also with the roll turned first. Straightened means bent so that the body lies nearest to
+    the base's axis under its loads.
 
     Attributes:
         edges: Validity of edges.

@@ -32,8 +32,8 @@ def impossible_tip(checker: ValidityChecker, goal: Goal) -> str:
     place = ", ".join(f"{value:g}" for value in goal.tip_position_m)
     where = f"{_mm(-distance)} on the wrong side of" if distance < 0.0 else f"{_mm(distance)} from"
     return (
-        f"the tip position ({place}) m lies {where} {mesh}; the middle of the last disk needs {_mm(inscribed + margin)} "
-        f"({_mm(inscribed)} of body, {_mm(margin)} of margin), which with the tolerance of {_mm(goal.tip_tolerance_m)} "
+        f"the tip position ({place}) m lies {where} {mesh}; "
+        f"the middle of the last disk needs {_mm(inscribed + margin)} ({_mm(inscribed)} of body, {_mm(margin)} of margin), which with the tolerance of {_mm(goal.tip_tolerance_m)} "
         f"lacks {_mm(missing)}"
     )
 

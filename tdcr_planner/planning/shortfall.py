@@ -13,8 +13,8 @@ _TOUCHES = (Cause.OBSTACLE, Cause.CAVITY)
 def describe_shortfall(checker: ValidityChecker, row: FloatArray) -> str:
     """Returns why a configuration, shape (dimension,), is rejected and what is missing; empty when it is valid.
 
-    A contact names part and mesh, what the body alone keeps there, and what is required: the clearance asked for and the
-    shape model's error bound.
+    A contact names part and mesh, what the body alone keeps there, and what is required: the clearance asked for and
+    the shape model's error bound.
     """
     problem = checker.explain(row)
     if not problem:
