@@ -247,7 +247,8 @@ def main() -> None:
     make, rows = load_generator(), []
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, one thread, {seeds} seeds")
     print(
-        "| place | width / robot | planner | verified | median s | most s | what answered |\n|---|---|---|---|---|---|---|"
+        "| place | width / robot | planner | verified | median s | most s | what answered |\n"
+        "|---|---|---|---|---|---|---|"
     )
     for group in arguments.only.split(","):
         for case in groups[group](make, arguments.quick):

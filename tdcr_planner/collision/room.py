@@ -140,8 +140,8 @@ def signed_at(field, wall, side, split, fine, x, y, z):  # type: ignore[no-untyp
     """Returns a point's interpolated distance from the walls, m, negative on the wrong side where the field knows it.
 
     Inside of the grid it is trilinear between the nodes, where `fine` between those of a split cell if one is called
-    for. Outside of it the distance from the box that holds all walls is added; behind a cavity's entry plane there is no
-    wrong side.
+    for. Outside of it the distance from the box that holds all walls is added; behind a cavity's entry plane there is
+    no wrong side.
     """
     h = field.spacing
     sided = field.rules[2] == 0 or front(field, x, y, z) > 0.0

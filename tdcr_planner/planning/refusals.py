@@ -33,8 +33,8 @@ def impossible_tip(checker: ValidityChecker, goal: Goal) -> str:
     where = f"{_mm(-distance)} on the wrong side of" if distance < 0.0 else f"{_mm(distance)} from"
     return (
         f"the tip position ({place}) m lies {where} {mesh}; "
-        f"the middle of the last disk needs {_mm(inscribed + margin)} ({_mm(inscribed)} of body, {_mm(margin)} of margin), which with the tolerance of {_mm(goal.tip_tolerance_m)} "
-        f"lacks {_mm(missing)}"
+        f"the middle of the last disk needs {_mm(inscribed + margin)} ({_mm(inscribed)} of body, "
+        f"{_mm(margin)} of margin), which with the tolerance of {_mm(goal.tip_tolerance_m)} lacks {_mm(missing)}"
     )
 
 
