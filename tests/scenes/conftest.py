@@ -57,7 +57,7 @@ def reference_setup(scenes: Path) -> Callable[[str], SimpleNamespace]:
     loaded = {}
 
     def meshes(scenario: Scenario):
-        named = (scenario.path.parent, *(mesh.file for mesh in scenario.file.meshes))
+        named = (scenario.path.parent, *map(repr, scenario.file.meshes))
         if named not in loaded:
             loaded[named] = load_scene_meshes(scenario)
         return loaded[named]

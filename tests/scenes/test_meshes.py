@@ -57,7 +57,14 @@ def test_solids_of_the_stage_do_not_touch(shipped):
     assert not touching, pairs
 
 
-PORT = {"plate_thin": 4.8, "plate_thick": 3.9, "plates_offset": 6.0, "elbow": 6.0, "tube_blind": 4.2, "tube_curved": 4.8}
+PORT = {
+    "plate_thin": 4.8,
+    "plate_thick": 3.9,
+    "plates_offset": 6.0,
+    "elbow": 6.0,
+    "tube_blind": 4.2,
+    "tube_curved": 4.8,
+}
 
 
 @pytest.mark.parametrize(("name", "width"), PORT.items())
