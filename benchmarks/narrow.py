@@ -120,7 +120,7 @@ def elbows(make: ModuleType, quick: bool) -> Iterator[Case]:
     """Yields bent pipes, the goal on the axis at the end of the bend."""
     for width in (2.5,) if quick else (1.6, 2.0, 2.5):
         for angle in (45.0,) if quick else (45.0, 90.0, 180.0):
-            for radius in (60.0,) if quick else (30.0, 60.0):
+            for radius in (60.0,) if quick else (48.0, 78.0):  # 1.2 and 2 times the tightest of a segment
                 turned = np.deg2rad(min(angle, 0.9 * np.rad2deg(2.0 * SEGMENT / radius)))
                 goal = (20.0 + radius * np.sin(turned), radius * (1.0 - np.cos(turned)), 0.0)
                 mesh = make.make_pipe(width * DIAMETER, 20.0, radius, angle, 40.0)

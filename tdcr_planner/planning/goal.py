@@ -129,7 +129,7 @@ class TipGoal:
         self._share = float(np.clip(1.0 - checker.model.error_bound[-1] / self._tolerance, _LEAST_SHARE, 0.9))
         self._generator = np.random.default_rng(seed)
         slow = checker.model.name == "reference"
-        self._samples, self._kept, self._moved = (96, 8, 16) if slow else (2048, 96, 48)
+        self._samples, self._kept, self._moved = (384, 16, 32) if slow else (2048, 96, 48)
         self._next_due = 32
         self._taken = 0
         self.rounds = 0
