@@ -18,6 +18,7 @@ _LONGEST_STEP_M = 0.05
 _REFINEMENTS = 12
 _DIVERSITY_M = 0.005
 _AIM = 0.05  # refinement stops this near to its aim, as a share of the tolerances
+_MOST_ROUNDS = 16  # rounds without a goal state after which no more are promised
 _NEAR_KEPT = 48  # shapes that reach the goal and collide, from which a search for room starts
 _LEAST_SHARE = 0.3  # of the tolerances, left for aiming beside what the model errs by
 
@@ -168,7 +169,7 @@ class TipGoal:
         if size[nearest] < np.linalg.norm(self.nearest[0]):
             self.nearest = (residual[nearest], tips[nearest])
         candidates = rows[self._within(residual, self._share)]
-        if not self._keep_valid(candidates) and self._room is not None:
+        if not self._keep_valid(candidates) and self._room is not None and len(candidates):
             narrow = self._room.search(samples, candidates[:_NEAR_KEPT], self._moved)
             self._keep_valid(narrow[:_NEAR_KEPT])
 
@@ -201,9 +202,9 @@ class TipGoal:
 
     def obstruction(self) -> str:
         """Returns what is in the way of the roomiest configuration that reaches the goal, and how many were tried."""
-        blocked = self._blocked
+        blocked, which = self._blocked, "one"
         if self._room is not None and self._room.best is not None:
-            blocked = self._room.best
+            blocked, which = self._room.best, "the roomiest"
         if blocked is None:
             return ""
         tried = f"{self.reached} that reach it were tried"
@@ -212,11 +213,11 @@ class TipGoal:
             tried += (
                 f", {free} of the {len(self._room.reaching)} roomiest would be free without the model's error bound"
             )
-        return f"{tried}; in the way of the roomiest: {describe_shortfall(self._checker, blocked)}"
+        return f"{tried}; in the way of {which}: {describe_shortfall(self._checker, blocked)}"
 
     def exhausted(self) -> bool:
         """Returns whether the last rounds have brought no goal state and nothing nearer to one."""
-        return self._room is not None and self._room.exhausted
+        return self._room is not None and (self._room.exhausted or self.rounds >= _MOST_ROUNDS)
 
     def satisfied(self, row: FloatArray) -> bool:
         """Returns whether a configuration brings the tip within the tolerances."""
