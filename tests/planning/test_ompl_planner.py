@@ -250,6 +250,26 @@ def test_a_long_tour_is_ordered_as_well(make_setup):
     assert outcome.order == (0, 2, 4, 6, 1, 3, 5, 7)
 
 
+def test_an_open_way_is_answered_without_a_tree_and_an_improving_planner_has_nothing_to_improve(make_setup):
+    for name in ("RRTConnect", "RRTstar"):
+        outcome = run(make_setup(planner={"name": name, "step_m": 0.02}, **AROUND), seed=1, time_limit_s=30.0)
+        assert len(outcome.rows) == 2
+        assert outcome.statistics["answered_by"] == "plain_motions"
+        assert outcome.statistics["iterations"] == 0
+
+
+def test_an_improving_planner_returns_no_worse_than_the_plain_motion(make_setup):
+    lengths = {}
+    for plain in (True, False):
+        parameters = {"iterations": 20, "range": 0.1, "plain_motions": plain}
+        setup = make_setup(boxes=POST, planner={"name": "RRTstar", "step_m": 0.02, "parameters": parameters}, **AROUND)
+        outcome = run(setup, seed=2, time_limit_s=30.0)
+        scaled = outcome.rows * setup.checker.motion_scale if outcome.found else np.array([[0.0], [np.inf]])
+        lengths[plain] = np.linalg.norm(np.diff(scaled, axis=0), axis=1).sum()
+    # Shortening draws its places at random, so that equal ways may end a little apart.
+    assert lengths[True] <= 1.1 * lengths[False]
+
+
 def test_start_and_goal_may_be_the_same(make_setup):
     setup = make_setup(goal={"bending_n": [[0.0, 0.0]]})
     outcome = run(setup)
@@ -258,7 +278,8 @@ def test_start_and_goal_may_be_the_same(make_setup):
 
 
 def test_a_time_limit_is_kept(make_setup):
-    setup = make_setup(planner={"name": "RRTstar", "step_m": 0.02}, **AROUND)
+    planner = {"name": "RRTstar", "step_m": 0.02, "parameters": {"plain_motions": False}}
+    setup = make_setup(planner=planner, **AROUND)
     setup.edges.check_edge(np.array([0.0, 2.4, 0.0]), np.array([0.0, 2.0, 0.0]))  # compiles what is not yet compiled
     begin = time.monotonic()
     assert run(setup, seed=1, time_limit_s=1.0).found
@@ -268,5 +289,6 @@ def test_a_time_limit_is_kept(make_setup):
 
 @pytest.mark.parametrize("name", ["RRTstar", "SORRTstar"])
 def test_a_planner_that_takes_all_of_its_time_leaves_some_for_shortening(make_setup, name):
-    setup = make_setup(planner={"name": name, "step_m": 0.02, "parameters": {"range": 0.02}}, **AROUND)
+    parameters = {"range": 0.02, "plain_motions": False}
+    setup = make_setup(planner={"name": name, "step_m": 0.02, "parameters": parameters}, **AROUND)
     np.testing.assert_allclose(run(setup, seed=1, time_limit_s=1.5).rows, [[0.0, 2.4, 0.0], [2.4, 0.0, 0.0]])
