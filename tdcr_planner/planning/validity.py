@@ -367,15 +367,7 @@ def disk_reaches(robot: RobotSpec) -> FloatArray:
 
 def sample_within_tensions(checker: ValidityChecker, count: int, generator: np.random.Generator) -> FloatArray:
     """Returns random rows (count, dimension), uniform among those whose tensions are within their limits."""
-    space, limit = checker.space, checker.robot.max_tensions
-    found: list[FloatArray] = []
-    missing = count
-    while missing > 0:
-        rows = generator.uniform(space.lower, space.upper, (2 * missing + 16, space.dimension))
-        rows = rows[(checker.actuate(rows).tensions <= limit).all(axis=1)][:missing]
-        found.append(rows)
-        missing -= len(rows)
-    return np.concatenate(found)
+    return checker.space.sample(count, generator)
 
 
 def rejections(counts: dict[Cause, int] | Iterable[tuple[Cause, int]]) -> dict[str, int]:

@@ -49,7 +49,7 @@ def test_goal_states_look_where_they_should(make_setup):
 
 
 def test_goal_states_keep_to_limits_and_out_of_obstacles(make_setup):
-    box = [[[-0.2, -0.2, 0.05], [0.2, -0.02, 0.4]]]
+    box = [[[-0.2, -0.2, 0.05], [0.2, -0.012, 0.4]]]
     setup, goal = tip_goal(make_setup, {"tip_position_m": [0.06, 0.0, 0.22]}, "two_segment", boxes=box)
     goal.search()
     assert goal.reached > len(goal.rows) > 0
