@@ -336,3 +336,15 @@ def least_slack(field, wall, side, body, required, positions, rotations, slack):
             if free < reach + best:
                 best = exact_slack(field, wall, side, body, part, kept, positions[row], rotations[row], best)
         slack[row] = best
+
+
+@njit(cache=True, nogil=True)
+def part_distance(wall, body, part, positions, rotations, bound):  # type: ignore[no-untyped-def]
+    """Returns a part's distance from the walls where below `bound`, otherwise `bound`, m; 0 where they meet."""
+    best = bound
+    centre, axis = np.empty(3), np.empty(3)
+    for index in range(body.part_first[part], body.part_first[part + 1]):
+        half = place_solid(body, index, positions, rotations, centre, axis)
+        if half >= 0.0:
+            best = solid_distance(wall, body.round_ends[index], centre, axis, half, body.radius[index], best)
+    return best
