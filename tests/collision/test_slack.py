@@ -57,7 +57,9 @@ def test_the_slack_of_a_state_is_never_above_what_it_keeps(paper, scenes, draw_p
         assert (slack <= np.minimum(kept, cap) + 1e-12).all()
         assert (slack >= 0.0).all()
         # Where nothing but the walls is near it is the distance itself; behind the entry plane the plane counts too.
-        apart = np.array([self_slack(scene._self_pairs, scene.body.arrays, *pose, 1.0) for pose in zip(*poses)])
+        apart = np.array(
+            [self_slack(scene._self_pairs, scene.body.arrays, *pose, 1.0) for pose in zip(*poses, strict=True)]
+        )
         if "pipe" not in kind:
             np.testing.assert_allclose(slack, np.minimum(np.minimum(kept, cap), 0.5 * apart), atol=SPARE)
 
