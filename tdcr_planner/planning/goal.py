@@ -168,7 +168,11 @@ class TipGoal:
         nearest = int(np.argmin(size))
         if size[nearest] < np.linalg.norm(self.nearest[0]):
             self.nearest = (residual[nearest], tips[nearest])
-        candidates = rows[self._within(residual, self._share)]
+        within = self._within(residual, self._share)
+        if not (self.reached or within.any()):
+            # What the model errs by is kept back from the tolerance only where something is left of it.
+            within = self._within(residual, 1.0)
+        candidates = rows[within]
         if not self._keep_valid(candidates) and self._room is not None and len(candidates):
             narrow = self._room.search(samples, candidates[:_NEAR_KEPT], self._moved)
             self._keep_valid(narrow[:_NEAR_KEPT])

@@ -79,6 +79,10 @@ class BoxScene:
         worst_of = (np.take_along_axis(values, worst, axis=1)[:, 0] for values in (room, moved))
         return tuple(np.where(left_open, values, 0.0) for values in worst_of)
 
+    @property
+    def required(self):
+        return self.margins[1:]
+
     def slack(self, positions, rotations, cap):
         return np.minimum((self.gaps(positions, rotations) - self.margins[1:]).min(axis=1), cap)
 

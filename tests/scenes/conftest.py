@@ -67,7 +67,7 @@ def reference_setup(scenes: Path) -> Callable[[str], SimpleNamespace]:
         scenario: Scenario = load_scenario(scenes / name)
         base = scenario.file.base
         shaft = None if base.shaft_radius_m is None else Shaft(base.shaft_radius_m, scenario.base_position)
-        margins = np.full(scenario.robot.disk_count, scenario.planner.clearance_m + scenario.planner.step_m / 2.0)
+        margins = np.full(scenario.robot.disk_count, scenario.planner.clearance_m)
         space = ConfigurationSpace(scenario)
         scene = CollisionScene(meshes(scenario), RobotBody(scenario.robot, margins, shaft))
         checker = ValidityChecker(space, ReferenceShape(scenario.robot), scene)
