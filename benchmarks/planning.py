@@ -42,6 +42,7 @@ SCENES = Path(__file__).parents[1] / "scenes"
 PIPE = SCENES / "duct" / "scenario_narrowing.toml"
 COMPARED = ("duct/scenario_elbow.toml", "duct/scenario_narrowing.toml", "airway/scenario_left_upper.toml")
 PLANNERS_LIMIT_S = 3.0
+TREES_ALONE: dict[str, str | float | int | bool] = {"plain_motions": False, "retraction": False}
 # Much open space before the mouth: how much farther back the base stands, m, and the insertion at the start, m.
 OPEN_SPACE = {
     "airway/scenario_left_upper.toml": (0.0, 0.0),
@@ -209,7 +210,9 @@ def planners(names: tuple[str, ...], seeds: int) -> None:
         for planner in PLANNERS:
             found, verified, times, lengths = 0, 0, [], []
             for seed in range(1, seeds + 1):
-                query = session.scenario.with_planner(name=planner, seed=seed, time_limit_s=PLANNERS_LIMIT_S)
+                query = session.scenario.with_planner(
+                    name=planner, seed=seed, time_limit_s=PLANNERS_LIMIT_S, parameters=TREES_ALONE
+                )
                 seconds, result = cpu_seconds(lambda: session.plan(query))  # noqa: B023
                 times.append(seconds)
                 verified += result.status is PlanStatus.VERIFIED
@@ -227,7 +230,8 @@ def restarts(seeds: int) -> None:
     print(f"\n## Iterations of RRTConnect, {seeds} seeds: quartiles, 95 %, most; with and without starting again")
     first = ompl_run.FIRST_TREE
     for name, (retracted_m, insertion_m) in OPEN_SPACE.items():
-        session = PlanningSession(retracted(load_scenario(SCENES / name), retracted_m, insertion_m))
+        scenario = load_scenario(SCENES / name).with_planner(parameters=TREES_ALONE)
+        session = PlanningSession(retracted(scenario, retracted_m, insertion_m))
         for label, tree in (("started again", first), ("one tree", 10**9)):
             ompl_run.FIRST_TREE = tree
             counts, times = [], []

@@ -244,7 +244,7 @@ class PlanningSession:
                 break
             begin = time.monotonic()
             rows, goals = self.path_states(query, checker, outcome)
-            report, states = self.verifier(query).verify(rows, goals)
+            report, states = self.verifier(query).verify(rows, goals, deadline=deadline)
             attempt.add_verification(report, states, time.monotonic() - begin)
             if report.verified or time.monotonic() >= deadline:
                 break

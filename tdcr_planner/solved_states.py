@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -16,6 +18,9 @@ from tdcr_planner.statics.solver import RodSolution, solve_statics
 from tdcr_planner.statics.strain import largest_bending_strain
 from tdcr_planner.statics.tendons import tendon_displacements
 
+# States solved between two looks at the clock.
+BATCH = 256
+
 
 @dataclass(frozen=True)
 class SolvedStates:
@@ -25,6 +30,8 @@ class SolvedStates:
         rows: Configurations, shape (k, dimension).
         tensions: Shape (k, t), N.
         displacements: Tendon pulled out at the base against the unloaded robot, shape (k, t), m.
+        solved: Whether the time sufficed for the state, shape (k,); where it did not, nothing but its row and its
+            tensions is known.
         converged: Shape (k,).
         stable: Shape (k,).
         residual: Shape (k,), N m.
@@ -40,6 +47,7 @@ class SolvedStates:
     rows: FloatArray
     tensions: FloatArray
     displacements: FloatArray
+    solved: BoolArray
     converged: BoolArray
     stable: BoolArray
     residual: FloatArray
@@ -94,8 +102,45 @@ class StateSolver:
         self._space = space
         self._scene = scene
 
-    def solve(self, rows: FloatArray) -> SolvedStates:
-        """Returns the states of configurations, shape (k, dimension), each by itself."""
+    def solve(self, rows: FloatArray, deadline: float = math.inf) -> SolvedStates:
+        """Returns the states of configurations, shape (k, dimension), each by itself.
+
+        Args:
+            rows: The configurations.
+            deadline: When to leave the rest unsolved, by time.monotonic().
+        """
+        if not math.isfinite(deadline) or len(rows) <= BATCH:
+            return self._solve(rows)
+        parts: list[SolvedStates] = []
+        for start in range(0, len(rows), BATCH):
+            if time.monotonic() >= deadline:
+                parts.append(self._unsolved(rows[start:]))
+                break
+            parts.append(self._solve(rows[start : start + BATCH]))
+        names = [item.name for item in fields(SolvedStates)]
+        return SolvedStates(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+    def _unsolved(self, rows: FloatArray) -> SolvedStates:
+        """Returns what is known of configurations without solving them."""
+        robot, count = self._space.robot, len(rows)
+        return SolvedStates(
+            rows=rows,
+            tensions=self._space.actuate(rows).tensions,
+            displacements=np.full((count, robot.tendon_count), np.nan),
+            solved=np.zeros(count, dtype=np.bool_),
+            converged=np.zeros(count, dtype=np.bool_),
+            stable=np.zeros(count, dtype=np.bool_),
+            residual=np.full(count, np.nan),
+            strain=np.full((count, robot.segment_count), np.nan),
+            clearance=np.full(count, np.nan),
+            touches_itself=np.zeros(count, dtype=np.bool_),
+            positions=np.full((count, robot.disk_count, 3), np.nan),
+            rotations=np.full((count, robot.disk_count, 3, 3), np.nan),
+            halvings=np.zeros(count, dtype=np.int64),
+            goals=np.full(count, -1, dtype=np.int64),
+        )
+
+    def _solve(self, rows: FloatArray) -> SolvedStates:
         robot = self._space.robot
         actuation = self._space.actuate(rows)
         solution: RodSolution = solve_statics(
@@ -113,6 +158,7 @@ class StateSolver:
             rows=rows,
             tensions=actuation.tensions,
             displacements=tendon_displacements(robot, solution, actuation.tensions),
+            solved=np.ones(len(rows), dtype=np.bool_),
             converged=converged,
             stable=np.asarray(solution.stable, dtype=np.bool_),
             residual=solution.residual,

@@ -9,6 +9,8 @@ one is not are halved until it is or the halves say that it never will be.
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -49,7 +51,7 @@ class VerificationReport:
         positions: Reference disk centres, shape (k, d, 3), m, world frame.
         rotations: world_from_disk, shape (k, d, 3, 3).
         model_positions: Disk centres by the shape model, shape (k, d, 3), m, world frame; None without one.
-        cause: "", "statics", "limits", "self_collision", "goal", "jump" or "clearance".
+        cause: "", "statics", "limits", "self_collision", "goal", "jump", "clearance" or "time".
         worst_state: Index of the state that failed, or of the smallest clearance.
     """
 
@@ -102,6 +104,20 @@ class _Failure(NamedTuple):
     state: int
 
 
+def _least(values: FloatArray) -> int:
+    """Returns the index of the smallest number; 0 where none is a number."""
+    return int(np.argmin(np.where(np.isnan(values), np.inf, values)))
+
+
+def _judge_time(states: SolvedStates) -> _Failure | None:
+    """Returns that the time was over before all states were solved, or None."""
+    if states.solved.all():
+        return None
+    solved, count = int(states.solved.sum()), len(states.rows)
+    message = f"the time limit ended the verification after {solved:,} of {count:,} states"
+    return _Failure("time", message, int(np.argmin(states.solved)))
+
+
 class Verifier:
     """Solves the states of a path with the reference and judges them in a scene.
 
@@ -139,7 +155,7 @@ class Verifier:
         self._prover = scene.make_prover(np.full(space.robot.disk_count, clearance))
 
     def verify(
-        self, rows: FloatArray, goals: Sequence[tuple[int, Goal]] = ()
+        self, rows: FloatArray, goals: Sequence[tuple[int, Goal]] = (), *, deadline: float = math.inf
     ) -> tuple[VerificationReport, SolvedStates]:
         """Returns the reference's judgement on a path, and the states it solved for it.
 
@@ -147,15 +163,16 @@ class Verifier:
             rows: Configurations of the path's states in order, shape (k, dimension); interpolated linearly in between.
             goals: What is to be reached, each with the index of the state that must reach it; where it is a tip
                 position, the reference's tip must lie within the tolerances.
+            deadline: When to end, by time.monotonic(); a path that is not proved by then is not verified.
         """
-        states = self._solver.solve(rows)
+        states = self._solver.solve(rows, deadline)
         for number, (index, _) in enumerate(goals):
             states.goals[index] = number
         # Gaps wider than the step get the halvings that lead down to it for free.
         excess = np.maximum(self.body_motion(states.positions, states.rotations) / self.step, 1.0)
         allowance = np.nan_to_num(np.ceil(np.log2(excess))).astype(np.int64)
         states = replace(states, halvings=np.append(-allowance, 0))
-        failure = self._judge_states(states) or self._judge_goals(states, goals)
+        failure = self._judge_states(states) or self._judge_goals(states, goals) or _judge_time(states)
         shown = np.zeros(len(rows) - 1, dtype=np.bool_)
         while failure is None:
             apart = self.body_motion(states.positions, states.rotations)
@@ -166,9 +183,12 @@ class Verifier:
             failure = self._judge_gaps(states, gaps)
             if failure is None:
                 middle = 0.5 * (states.rows[gaps] + states.rows[gaps + 1])
-                states = states.halve(gaps, self._solver.solve(middle))
+                states = states.halve(gaps, self._solver.solve(middle, deadline))
                 shown = np.insert(shown, gaps + 1, shown[gaps])
-                failure = self._judge_states(states)
+                failure = self._judge_states(states) or _judge_time(states)
+            if failure is None and time.monotonic() >= deadline:
+                what = f"with {len(gaps):,} of {len(shown):,} motions between states not yet shown to be free"
+                failure = _Failure("time", f"the time limit ended the verification {what}", int(gaps[0]))
         return self._report(states, failure), states
 
     def judge_each(self, rows: FloatArray) -> tuple[BoolArray, SolvedStates]:
@@ -185,15 +205,19 @@ class Verifier:
         """Returns the first failure of a state by itself, or None."""
         count = len(states.rows)
         for failing, cause, reason in (
-            (~states.converged, "statics", "the reference did not converge"),
+            (states.solved & ~states.converged, "statics", "the reference did not converge"),
             (states.converged & ~states.stable, "statics", "the reference shape is not stable"),
-            (~states.in_limits(self._robot), "limits", "a limit on tension, tendon displacement or strain is exceeded"),
+            (
+                states.solved & ~states.in_limits(self._robot),
+                "limits",
+                "a limit on tension, tendon displacement or strain is exceeded",
+            ),
             (states.touches_itself, "self_collision", "the robot touches itself"),
         ):
             if failing.any():
                 state = int(np.argmax(failing))
                 return _Failure(cause, f"state {state + 1} of {count}: {reason}", state)
-        state = int(np.argmin(states.clearance))
+        state = _least(states.clearance)
         if states.clearance[state] < self.clearance:
             distance, asked = 1e3 * states.clearance[state], 1e3 * self.clearance
             message = f"clearance {distance:.3f} mm under the reference, asked {asked:.3f} mm"
@@ -203,7 +227,7 @@ class Verifier:
     def _judge_goals(self, states: SolvedStates, goals: Sequence[tuple[int, Goal]]) -> _Failure | None:
         """Returns the first tip goal that the reference's tip misses, or None."""
         for number, (state, goal) in enumerate(goals):
-            if goal.tip_position_m is None:
+            if goal.tip_position_m is None or not states.solved[state]:
                 continue
             where = f"state {state + 1} of {len(states.rows)}, goal {number + 1}"
             distance = float(np.linalg.norm(states.positions[state, -1] - np.asarray(goal.tip_position_m)))
@@ -277,12 +301,12 @@ class Verifier:
 
     def _report(self, states: SolvedStates, failure: _Failure | None) -> VerificationReport:
         if failure is None:
-            failure = _Failure("", "", int(np.argmin(states.clearance)))
+            failure = _Failure("", "", _least(states.clearance))
         deviation = np.full(len(states.rows), np.nan)
         model_positions = None
         if self.model is not None:
             actuation = self.space.actuate(states.rows)
-            inside = self.model.in_domain(actuation.tensions, actuation.gravity, actuation.tip_force)
+            inside = self.model.in_domain(actuation.tensions, actuation.gravity, actuation.tip_force) & states.solved
             model_positions = np.full_like(states.positions, np.nan)
             if inside.any():
                 poses = self.model.disk_poses(

@@ -13,6 +13,7 @@ from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.base import DiskPoses
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
+from tdcr_planner.solved_states import BATCH
 from tdcr_planner.verification import Verifier
 
 
@@ -198,3 +199,38 @@ def test_tip_goals_are_judged_by_the_reference(verifier_at: Callable[..., Verifi
     assert (states.goals[:-1] == -1).all()
     assert "the tip is 1.100 mm off, allowed 1.000 mm" in verifier.verify(PATH, [(1, miss)])[0].message
     assert "the tip looks 90.00 degrees aside, allowed 80.00" in verifier.verify(PATH, [(1, aside)])[0].message
+
+
+def test_a_path_that_is_not_solved_in_time_is_not_verified(
+    verifier_at: Callable[..., Verifier], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter(np.arange(1000.0))
+    monkeypatch.setattr("tdcr_planner.solved_states.time.monotonic", lambda: float(next(clock)))
+    rows = np.linspace(PATH[0], PATH[1], 2 * BATCH + 44)
+    report, states = verifier_at(1.0).verify(rows, deadline=1.5)
+    assert not report.verified
+    assert report.cause == "time"
+    assert f"after {2 * BATCH} of {len(rows)} states" in report.message
+    assert states.solved.tolist() == [True] * 2 * BATCH + [False] * 44
+    np.testing.assert_array_equal(states.rows, rows)
+    assert np.isfinite(report.worst["clearance_m"])
+    # What is known speaks before the time does.
+    clock = iter(np.arange(1000.0))
+    assert verifier_at(0.03).verify(rows, deadline=1.5)[0].cause == "clearance"
+
+
+def test_gaps_that_are_not_shown_in_time_are_not_verified(verifier_at: Callable[..., Verifier]) -> None:
+    report, _ = verifier_at(0.3).verify(PATH, deadline=0.0)
+    assert not report.verified
+    assert report.cause == "time"
+    assert "motions between states not yet shown to be free" in report.message
+    assert verifier_at(0.3).verify(PATH, deadline=np.inf)[0].verified
+
+
+@pytest.mark.parametrize("step", [0.0005, 0.002, 0.01])
+def test_the_step_is_no_margin(verifier_at: Callable[..., Verifier], step: float) -> None:
+    reach = verifier_at(1.0).verify(PATH)[0].positions[:, :, 0].max()
+    # 2 um beyond what is asked for suffice, whatever the step; 2 um less do not.
+    for spare, verified in ((2e-6, True), (-2e-6, False)):
+        report, _ = verifier_at(reach + 0.01 + 0.001 + spare, step=step).verify(PATH)
+        assert report.verified == verified

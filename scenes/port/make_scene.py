@@ -1,8 +1,8 @@
 """Makes the meshes of the narrow ports: plates with a hole, two plates with offset holes, elbows and tubes.
 
-Every port's axis is the world's x axis. A plate is a closed disc with a hole; pipes are surfaces, open at the mouth in the
-plane x = 0 and closed by a cap at the far end. Circles are polygons about their nominal circle, so that no hole is narrower
-than its name says. Lengths in mm.
+Every port's axis is the world's x axis. A plate is a closed disc with a hole; pipes are surfaces, open at the mouth in
+the plane x = 0 and closed by a cap at the far end. Circles are polygons about their nominal circle, so that no hole is
+narrower than its name says. Lengths in mm.
 
 Run it with no arguments to write the meshes beside this file: the same bytes each time.
 """
@@ -89,7 +89,7 @@ def main(folder: Path) -> None:
     make_plate(1.6 * ROBOT, 10.0).export(folder / "plate_thin.stl")
     make_plate(1.3 * ROBOT, 30.0).export(folder / "plate_thick.stl")
     make_plates(2.0 * ROBOT, 5.0, 30.0, 6.0).export(folder / "plates_offset.stl")
-    make_pipe(2.0 * ROBOT, 20.0, 30.0, 90.0, 40.0).export(folder / "elbow.stl")
+    make_pipe(2.0 * ROBOT, 20.0, 50.0, 90.0, 40.0).export(folder / "elbow.stl")
     make_pipe(1.4 * ROBOT, 120.0).export(folder / "tube_blind.stl")
     make_pipe(1.6 * ROBOT, 2.0, 60.0, 90.0, 2.0).export(folder / "tube_curved.stl")
 

@@ -112,7 +112,7 @@ class RobotBody:
         return RobotBody(self.robot, margins, self.shaft)
 
     def part_margins(self, margins: FloatArray) -> FloatArray:
-        """Returns margins of disks, shape (d,), m, as those of the parts, shape (q,), m, in the order of `part_names`."""
+        """Returns margins of disks, shape (d,), m, as those of parts in the order of `part_names`, shape (q,), m."""
         disks = np.arange(self.robot.disk_count - 1, 0, -1)
         gaps = np.maximum(margins[disks - 1], margins[disks])
         parts = np.stack([margins[disks], gaps], axis=1).reshape(-1)

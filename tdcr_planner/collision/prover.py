@@ -12,7 +12,7 @@ from tdcr_planner.collision.containment import Side
 from tdcr_planner.collision.field import Field
 from tdcr_planner.collision.self_contact import SelfPairs
 from tdcr_planner.collision.self_slack import prove_apart, self_slack
-from tdcr_planner.collision.slack import SlackRecord, least_slack, prove_intervals
+from tdcr_planner.collision.slack import SlackRecord, least_slack, part_distance, prove_intervals
 from tdcr_planner.collision.tree import TriangleTree
 
 
@@ -104,3 +104,18 @@ class ClearanceProver:
         for field, wall, side in self._meshes:
             least_slack(field, wall, side, self._bare, self.required, positions, rotations, least)
         return least
+
+    def nearest(self, positions: FloatArray, rotations: FloatArray) -> tuple[int, int, float]:
+        """Returns the part of one state's body with the least slack, the mesh that it is near to, and the distance, m.
+
+        Args:
+            positions: Disk centres, shape (d, 3), m, world frame.
+            rotations: world_from_disk, shape (d, 3, 3).
+        """
+        found, least = (-1, -1, np.inf), np.inf
+        for mesh, (_, wall, _) in enumerate(self._meshes):
+            for part, required in enumerate(self.required.tolist()):
+                distance = part_distance(wall, self._bare, part, positions, rotations, least + required)
+                if distance - required < least:
+                    found, least = (part, mesh, float(distance)), distance - required
+        return found

@@ -84,11 +84,11 @@ def _facing(field, wall, side):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _split(field, wall, side, facing, index, x, y, z, values):  # type: ignore[no-untyped-def]
+def _split(field, wall, side, facing, x, y, z, values):  # type: ignore[no-untyped-def]
     """Writes the signed distances at the nodes of the cell whose lower corner is a node of the field, at x, y, z.
 
-    The nearest triangle says the side, which is right but for walls that meet at less than 90 degrees: good enough for a
-    guide, and far cheaper than a winding number.
+    The nearest triangle says the side, which is right but for walls that meet at less than 90 degrees: good enough for
+    a guide, and far cheaper than a winding number.
     """
     h = field.spacing / SPLIT
     count = SPLIT + 1
@@ -104,10 +104,8 @@ def _split(field, wall, side, facing, index, x, y, z, values):  # type: ignore[n
         if found >= 0:
             triangle = found
         distance = math.sqrt(square)
-        if facing != 0.0 and entry_depth(side, px, py, pz) > 0.0:
-            if _normal_side(wall.corners[triangle], px, py, pz) * facing < 0.0:
-                distance = -distance
-        values[place] = distance
+        wrong = facing * _normal_side(wall.corners[triangle], px, py, pz) < 0.0
+        values[place] = -distance if wrong and entry_depth(side, px, py, pz) > 0.0 else distance
 
 
 @njit(cache=True, nogil=True)
@@ -141,8 +139,9 @@ def _square_slope(field, index, fx, fy, fz):  # type: ignore[no-untyped-def]
 def signed_at(field, wall, side, split, fine, x, y, z):  # type: ignore[no-untyped-def]
     """Returns a point's interpolated distance from the walls, m, negative on the wrong side where the field knows it.
 
-    Inside of the grid it is trilinear between the nodes, near the walls between those of a split cell where `fine`. Outside of it the
-    distance from the box that holds all walls is added; behind a cavity's entry plane there is no wrong side.
+    Inside of the grid it is trilinear between the nodes, where `fine` between those of a split cell if one is called
+    for. Outside of it the distance from the box that holds all walls is added; behind a cavity's entry plane there is
+    no wrong side.
     """
     h = field.spacing
     sided = field.rules[2] == 0 or front(field, x, y, z) > 0.0
@@ -170,7 +169,7 @@ def signed_at(field, wall, side, split, fine, x, y, z):  # type: ignore[no-untyp
             return value
         place = split.used[0]
         _split(
-            field, wall, side, split.facing, index, field.origin[0] + ix * h, field.origin[1] + iy * h,
+            field, wall, side, split.facing, field.origin[0] + ix * h, field.origin[1] + iy * h,
             field.origin[2] + iz * h, split.values[place],
         )  # fmt: skip
         split.places[index] = place
@@ -204,7 +203,7 @@ def _rim_room(field, wall, side, split, fine, centre, axis, first, second, shift
 def _solid_room(field, wall, side, split, fine, body, index, positions, rotations, centre, axis, room):  # type: ignore[no-untyped-def]
     """Returns the least of `room` and a solid's: balls along a sleeve, the middle of a capsule, the rims of the rest.
 
-    Balls err by the square of their spacing, points of a rim by their spacing where an edge of a wall passes between them.
+    Balls err by the square of their spacing, points of a rim by their spacing where an edge of a wall passes between.
     """
     half = place_solid(body, index, positions, rotations, centre, axis)
     if half < 0.0:
@@ -213,7 +212,7 @@ def _solid_room(field, wall, side, split, fine, body, index, positions, rotation
     if body.round_ends[index]:
         return min(room, signed_at(field, wall, side, split, fine, centre[0], centre[1], centre[2]) - radius)
     if kind == 3:
-        balls = int(math.ceil(2.0 * half / (SPACING * radius)))
+        balls = math.ceil(2.0 * half / (SPACING * radius))
         for k in range(balls):
             shift = half * ((2.0 * k + 1.0) / balls - 1.0)
             value = signed_at(

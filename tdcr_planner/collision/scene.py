@@ -348,8 +348,8 @@ class CollisionScene:
     def part_rooms(self, positions: FloatArray, rotations: FloatArray, most: float) -> FloatArray:
         """Returns an estimate of each part's distance from the nearest surface, margins taken off, as a guide.
 
-        It is negative where the part, grown by its margin, touches a surface or is on its wrong side: how deep. It comes
-        from the fields alone and is no bound. Self-collision does not count.
+        It is negative where the part, grown by its margin, touches a surface or is on its wrong side: how deep. It is
+        no bound; see `collision.room`. Self-collision does not count.
 
         Args:
             positions: Disk centres, shape (n, d, 3), m, world frame.

@@ -260,7 +260,23 @@ def _slacks_suffice(field, wall, side, body, part, required, positions, rotation
 
 
 @njit(cache=True, nogil=True)
-def prove_intervals(field, wall, side, body, required, positions, rotations, order, motion, stray, exact_below, slack, exact, room, moved):  # type: ignore[no-untyped-def]  # fmt: skip
+def prove_intervals(  # type: ignore[no-untyped-def]
+    field,
+    wall,
+    side,
+    body,
+    required,
+    positions,
+    rotations,
+    order,
+    motion,
+    stray,
+    exact_below,
+    slack,
+    exact,
+    room,
+    moved,
+):
     """Finds the intervals between neighbouring free states in which a part may come nearer to a mesh than it must.
 
     A part is shown to be free in one of two ways. Balls about it are free all along the straight way, with what its
@@ -316,7 +332,7 @@ def prove_intervals(field, wall, side, body, required, positions, rotations, ord
 
 @njit(cache=True, nogil=True)
 def least_slack(field, wall, side, body, required, positions, rotations, slack):  # type: ignore[no-untyped-def]
-    """Lowers `slack`, shape (n,), m, to that of the free states of a batch in one mesh; what is above it is not measured.
+    """Lowers `slack`, shape (n,), m, to that of free states in one mesh; what is above it is not measured.
 
     The arguments are those of `prove_intervals`.
     """
@@ -336,3 +352,15 @@ def least_slack(field, wall, side, body, required, positions, rotations, slack):
             if free < reach + best:
                 best = exact_slack(field, wall, side, body, part, kept, positions[row], rotations[row], best)
         slack[row] = best
+
+
+@njit(cache=True, nogil=True)
+def part_distance(wall, body, part, positions, rotations, bound):  # type: ignore[no-untyped-def]
+    """Returns a part's distance from the walls where below `bound`, otherwise `bound`, m; 0 where they meet."""
+    best = bound
+    centre, axis = np.empty(3), np.empty(3)
+    for index in range(body.part_first[part], body.part_first[part + 1]):
+        half = place_solid(body, index, positions, rotations, centre, axis)
+        if half >= 0.0:
+            best = solid_distance(wall, body.round_ends[index], centre, axis, half, body.radius[index], best)
+    return best

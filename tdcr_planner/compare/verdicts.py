@@ -26,7 +26,7 @@ class Variant:
         name: What results call it.
         model: The shape model.
         with_bound: Whether the model's error bound is part of the margin.
-        with_half_step: Whether half a step is, as the search adds it for what lies between two states.
+        with_half_step: Whether it stands for the margin of the search, which is the same: clearance and bound.
     """
 
     name: str
@@ -37,8 +37,7 @@ class Variant:
     def margins(self, scenario: Scenario, error_bound: FloatArray) -> FloatArray:
         """Returns the distance each disk must keep, shape (d,), m; the clearance asked for is always part of it."""
         settings = scenario.planner
-        common = settings.clearance_m + (0.5 * settings.step_m if self.with_half_step else 0.0)
-        return np.asarray(common + (error_bound if self.with_bound else np.zeros_like(error_bound)))
+        return np.asarray(settings.clearance_m + (error_bound if self.with_bound else np.zeros_like(error_bound)))
 
 
 VARIANTS = (

@@ -10,7 +10,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.planning.goal_room import RoomSearch
 from tdcr_planner.planning.relaxation import offers_room, within_limits
 from tdcr_planner.planning.scenario import Goal
-from tdcr_planner.planning.shortfall import describe_shortfall
+from tdcr_planner.planning.shortfall import count_free_without_bound, describe_shortfall
 from tdcr_planner.planning.validity import ValidityChecker, sample_within_tensions
 
 _DIFFERENCE_M = 1e-3  # body motion of a finite difference: far above float32 noise, far below the arcs' radii
@@ -18,6 +18,7 @@ _LONGEST_STEP_M = 0.05
 _REFINEMENTS = 12
 _DIVERSITY_M = 0.005
 _AIM = 0.05  # refinement stops this near to its aim, as a share of the tolerances
+_MOST_ROUNDS = 16  # rounds without a goal state after which no more are promised
 _NEAR_KEPT = 48  # shapes that reach the goal and collide, from which a search for room starts
 _LEAST_SHARE = 0.3  # of the tolerances, left for aiming beside what the model errs by
 
@@ -129,7 +130,7 @@ class TipGoal:
         self._share = float(np.clip(1.0 - checker.model.error_bound[-1] / self._tolerance, _LEAST_SHARE, 0.9))
         self._generator = np.random.default_rng(seed)
         slow = checker.model.name == "reference"
-        self._samples, self._kept, self._moved = (96, 8, 16) if slow else (2048, 96, 48)
+        self._samples, self._kept, self._moved = (384, 16, 32) if slow else (2048, 96, 48)
         self._next_due = 32
         self._taken = 0
         self.rounds = 0
@@ -167,8 +168,12 @@ class TipGoal:
         nearest = int(np.argmin(size))
         if size[nearest] < np.linalg.norm(self.nearest[0]):
             self.nearest = (residual[nearest], tips[nearest])
-        candidates = rows[self._within(residual, self._share)]
-        if not self._keep_valid(candidates) and self._room is not None:
+        within = self._within(residual, self._share)
+        if not (self.reached or within.any()):
+            # What the model errs by is kept back from the tolerance only where something is left of it.
+            within = self._within(residual, 1.0)
+        candidates = rows[within]
+        if not self._keep_valid(candidates) and self._room is not None and len(candidates):
             narrow = self._room.search(samples, candidates[:_NEAR_KEPT], self._moved)
             self._keep_valid(narrow[:_NEAR_KEPT])
 
@@ -206,17 +211,22 @@ class TipGoal:
 
     def obstruction(self) -> str:
         """Returns what is in the way of the roomiest configuration that reaches the goal, and how many were tried."""
-        blocked = self._blocked
+        blocked, which = self._blocked, "one"
         if self._room is not None and self._room.best is not None:
-            blocked = self._room.best
+            blocked, which = self._room.best, "the roomiest"
         if blocked is None:
             return ""
         tried = f"{self.reached} that reach it were tried"
-        return f"{tried}; in the way of the roomiest: {describe_shortfall(self._checker, blocked)}"
+        if self._room is not None and self._checker.model.error_bound.max() > 0.0:
+            free = count_free_without_bound(self._checker, self._room.reaching)
+            tried += (
+                f", {free} of the {len(self._room.reaching)} roomiest would be free without the model's error bound"
+            )
+        return f"{tried}; in the way of {which}: {describe_shortfall(self._checker, blocked)}"
 
     def exhausted(self) -> bool:
         """Returns whether the last rounds have brought no goal state and nothing nearer to one."""
-        return self._room is not None and self._room.exhausted
+        return self._room is not None and (self._room.exhausted or self.rounds >= _MOST_ROUNDS)
 
     def satisfied(self, row: FloatArray) -> bool:
         """Returns whether a configuration brings the tip within the tolerances."""

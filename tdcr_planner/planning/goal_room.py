@@ -29,6 +29,7 @@ class RoomSearch:
         best: The roomiest shape that reaches the goal so far, shape (dimension,), or None.
         room: Its least room, m, below 0 where it collides.
         searches: Rounds so far.
+        reaching: The shapes of the last round that reach the goal, shape (k, dimension).
     """
 
     def __init__(self, checker: ValidityChecker, residuals: Residuals, seed: int) -> None:
@@ -47,6 +48,7 @@ class RoomSearch:
         self.best: FloatArray | None = None
         self.room = -np.inf
         self.searches = 0
+        self.reaching: FloatArray = np.empty((0, checker.space.dimension))
         self._idle = 0
 
     @property
@@ -77,7 +79,8 @@ class RoomSearch:
             relaxed = _best(_joined(relaxed, self._relax(self._varied(parents, kept))), kept)
         reaching = self._reaching(relaxed)
         self._remember(reaching)
-        return reaching.rows[np.argsort(-reaching.rooms, kind="stable")]
+        self.reaching = reaching.rows[np.argsort(-reaching.rooms, kind="stable")]
+        return self.reaching
 
     def _relax(self, rows: FloatArray) -> Relaxed:
         return self._relaxation.relax(rows, rounds=_ROUNDS, longest=self._longest)

@@ -27,6 +27,7 @@ from tdcr_planner.planning.offered import (
     require_ompl,
 )
 from tdcr_planner.planning.passage import Passage
+from tdcr_planner.planning.refusals import impossible_tip, missed_entries
 from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.smoothing import path_cost, shorten
 from tdcr_planner.planning.spaces import ConfigurationSpace
@@ -85,9 +86,9 @@ class SearchOutcome:
         rows: Waypoints of the path, shape (k, dimension), or None.
         goals: Index in rows at which each goal is reached, in the order of travel.
         order: The goals' numbers (from 0) in the order of travel.
-        statistics: name, iterations, goal_states, states_checked, edges_checked, rejected (a count a cause), answered_by
-            ("plain_motions", "retraction", "planner", "roadmap" or "": what found the path of the last leg), and
-            retraction where states were pulled back (states, steps, out, from_insertion_m, to_insertion_m).
+        statistics: name, iterations, goal_states, states_checked, edges_checked, rejected (a count a cause),
+            answered_by ("plain_motions", "retraction", "planner" or "roadmap", whichever found the last leg's path, or
+            ""), and retraction where states were pulled back (see `Passage.statistics`).
     """
 
     status: SearchStatus
@@ -178,13 +179,13 @@ class _Query:
         for number, goal in enumerate(self.scenario.goals):
             source = self._source(goal, number)
             self.sources.append(source)
-            problem = self._first_states(source)
+            problem = impossible_tip(self.checker, goal) or self._first_states(source)
             if problem:
                 return self._outcome(SearchStatus.INVALID_GOAL, f"{self._name(number)}: {problem}")
             if not source.rows:
                 message = f"{self._name(number)}: no configuration that reaches it was found to be free of collision"
-                obstruction = source.obstruction()
-                return self._outcome(SearchStatus.NO_PATH, f"{message} ({obstruction})" if obstruction else message)
+                reasons = "; ".join(filter(None, [source.obstruction(), missed_entries(self.checker)]))
+                return self._outcome(SearchStatus.NO_PATH, f"{message} ({reasons})" if reasons else message)
         return self._travel(start, self._order(start))
 
     def _travel(self, start: FloatArray, order: tuple[int, ...]) -> SearchOutcome:

@@ -44,8 +44,8 @@ class PlannerRun:
         deadline: When to end, by time.monotonic().
         cost: What the planners that improve their path minimise.
         progress: Told a fraction of the time and a message now and then; may raise to end the search.
-        iterations: How often the planner has asked whether to go on, in all of its trees; above 0 to go on counting from
-            an earlier run, after whose trees this one's come.
+        iterations: How often the planner has asked whether to go on, in all of its trees; above 0 to go on counting
+            from an earlier run, after whose trees this one's come.
         most: Ends the run once there are so many iterations; 0 for no such end.
         error: What a callback or Ctrl-C has raised, while OMPL runs.
     """

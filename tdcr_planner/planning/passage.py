@@ -1,4 +1,4 @@
-"""Passages: the ways of one leg that follow from its structure, and the states that they give a planner to start from."""
+"""Passages: the ways of one leg that follow from its structure, and the states that they give a planner."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _JOINED_TRIED = 10  # plain motions tried after each turn
 class Passage:
     """One leg's start and goal, and what is known of the ways out of the places in which they lie.
 
-    Pulling out is easier than pushing in, so trees of pulled-back states grow from goal states, and from the start where
-    it can be pulled back itself. A plain motion between two of them is a path; where there is none, their states are
-    start and goal states of the planner, whose trees need only reach one of them.
+    Pulling out is easier than pushing in, so trees of pulled-back states grow from goal states, and from the start
+    where it can be pulled back itself. A plain motion between two of them is a path; where there is none, their states
+    are start and goal states of the planner, whose trees need only reach one of them.
 
     Attributes:
         source: The leg's own goal states.
@@ -100,7 +100,7 @@ class Passage:
         return [row for tree in self._from_goals for row in tree.rows]
 
     def whole(self, rows: FloatArray) -> FloatArray:
-        """Returns a way between pulled-back states, waypoints (k, dimension), led on to the start and to a goal state."""
+        """Returns a way between pulled-back states, waypoints (k, dimension), led on to start and goal state."""
         parts = [rows]
         if self._from_start is not None:
             parts.insert(0, self._chain([self._from_start], rows[0])[::-1][:-1])

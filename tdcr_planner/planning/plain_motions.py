@@ -15,8 +15,9 @@ from tdcr_planner.planning.relaxation import within_limits
 from tdcr_planner.planning.validity import ValidityChecker
 
 _STRAIGHTENING_STEPS = 6
-_MOST_GOALS = 48  # goal states nearest to the start that are tried
-_MOST_TRIED = 96  # motions of which an edge is checked
+_MOST_STRAIGHT = 8  # goal states nearest to the start that are tried straight
+_MOST_GOALS = 12  # and in several legs
+_MOST_TRIED = 40  # motions of several legs of which an edge is checked
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,9 @@ class _Motion:
 class PlainMotions:
     """Motions of few legs in each of which only some coordinates move.
 
-    From a start to a goal state: straight; pushed, then bent; bent, then pushed; straightened, pushed, bent; pulled back,
-    bent, pushed; each also with the roll turned first. Straightened means bent so that the body lies nearest to the
-    base's axis under its loads.
+    From a start to a goal state: directly; pushed, then bent; bent, then pushed; straightened, pushed, bent; pulled
+    back, bent, pushed; each also with the roll turned first. Straightened means bent so that the body lies nearest to
+    the base's axis under its loads.
 
     Attributes:
         edges: Validity of edges.
@@ -42,7 +43,7 @@ class PlainMotions:
         """Prepares the motions of one query."""
         self.edges = edges
         self._space = edges.checker.space
-        self._straight: dict[float, FloatArray] = {}
+        self._straight: tuple[FloatArray, float] | None = None
 
     def connect(
         self, start: FloatArray, goals: Sequence[FloatArray], deadline: float, most: int = _MOST_TRIED
@@ -59,8 +60,13 @@ class PlainMotions:
             return None
         scale = self.edges.checker.motion_scale
         apart = np.linalg.norm((np.array(goals) - start) * scale, axis=1)
-        nearest = np.argsort(apart, kind="stable")[:_MOST_GOALS]
-        motions = [motion for index in nearest for motion in self._motions(start, goals[int(index)])]
+        nearest = np.argsort(apart, kind="stable")
+        for index in nearest[:_MOST_STRAIGHT]:
+            if time.monotonic() >= deadline:
+                return None
+            if self.edges.check_edge(start, goals[int(index)]):
+                return np.stack([start, goals[int(index)]])
+        motions = [motion for index in nearest[:_MOST_GOALS] for motion in self._motions(start, goals[int(index)])]
         usable = self._with_valid_waypoints(motions)
         for motion in sorted(usable, key=lambda motion: motion.length)[:most]:
             if time.monotonic() >= deadline:
@@ -73,6 +79,8 @@ class PlainMotions:
 
     def _with_valid_waypoints(self, motions: list[_Motion]) -> list[_Motion]:
         """Returns the motions whose inner waypoints are valid, tested in one batch."""
+        if not motions:
+            return []
         inner = [motion.rows[1:-1] for motion in motions]
         valid = self.edges.checker.valid(np.concatenate(inner))
         ends = np.cumsum([len(rows) for rows in inner])
@@ -81,8 +89,8 @@ class PlainMotions:
         ]
 
     def _motions(self, start: FloatArray, goal: FloatArray) -> list[_Motion]:
-        """Returns the plain motions from a start to a goal state, each once."""
-        found = [np.stack([start, goal])]
+        """Returns the plain motions of several legs from a start to a goal state, each once."""
+        found = []
         starts = [start]
         if self._space.has_roll:
             starts.append(self._mixed(start, start, goal))
@@ -91,7 +99,7 @@ class PlainMotions:
             for via in self._inner(first, goal):
                 found.append(np.stack([*before, *via, goal]))
         distinct = {rows.tobytes(): rows for rows in map(_without_standstill, found)}
-        return [_Motion(self._length(rows), rows) for rows in distinct.values()]
+        return [_Motion(self._length(rows), rows) for rows in distinct.values() if len(rows) > 2]
 
     def _inner(self, start: FloatArray, goal: FloatArray) -> list[list[FloatArray]]:
         """Returns the waypoints between start and goal of each motion but the straight one."""
@@ -119,11 +127,20 @@ class PlainMotions:
         return row
 
     def _straightened(self, row: FloatArray) -> FloatArray:
-        """Returns a configuration with the bending that lays the body nearest to the base's axis."""
+        """Returns a configuration with the bending that lays the body nearest to the base's axis.
+
+        It is sought at one roll; at others the same bending is meant as seen from the world.
+        """
         roll = float(row[-1]) if self._space.has_roll else 0.0
-        if roll not in self._straight:
-            self._straight[roll] = straightest(self.edges.checker, row)
-        return self._mixed(self._straight[roll], row, row)
+        if self._straight is None:
+            self._straight = straightest(self.edges.checker, row), roll
+        straight, sought_at = self._straight
+        back = roll - sought_at
+        turn = np.array([[np.cos(back), np.sin(back)], [-np.sin(back), np.cos(back)]])
+        turned = straight.copy()
+        bending = self._space.bending(straight[None])[0]
+        turned[: self._space.bending_count] = (bending @ turn.T).ravel()
+        return self._mixed(within_limits(self.edges.checker, turned[None])[0], row, row)
 
     def _length(self, rows: FloatArray) -> float:
         return float(np.linalg.norm(np.diff(rows, axis=0) * self.edges.checker.motion_scale, axis=1).sum())

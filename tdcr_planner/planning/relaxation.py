@@ -41,9 +41,9 @@ class Relaxed:
 class Relaxation:
     """Moves configurations by damped least squares to where every part of the body has the room that is wanted.
 
-    Each part that lacks room is a residual, its deficit over `unit`; what a goal asks for are residuals beside them. The
-    steps are those of Levenberg and Marquardt, the shortest in body motion, with differences of the shape model. Many
-    rows move at once. Where less room than wanted exists the deficits balance, which centres the body.
+    Each part that lacks room is a residual, its deficit over `unit`; what a goal asks for are residuals beside them.
+    The steps are those of Levenberg and Marquardt, the shortest in body motion, with differences of the shape model.
+    Many rows move at once. Where less room than wanted exists the deficits balance, which centres the body.
 
     Attributes:
         checker: The validity checker whose model, limits and scene are used.

@@ -47,11 +47,11 @@ class Obstacle:
 class Retraction:
     """A tree of valid states that grows from a state in a narrow place in the direction of pulling out.
 
-    A step pulls back by a small insertion, and bending and roll are chosen anew in a batch: as they are, continued as in
-    the step before, and varied at random; all of them are moved to where the body has room. The roomiest valid one
-    that an edge joins becomes a state of the tree. Steps grow while they succeed and are halved where they fail; a state
-    from which nothing leads on is varied in place, then given up for the next best. Without insertion a step leads to more
-    room.
+    A step pulls back by a small insertion, and bending and roll are chosen anew in a batch: as they are, continued as
+    in the step before, and varied at random; all of them are moved to where the body has room. The roomiest valid one
+    that an edge joins becomes a state of the tree. Steps grow while they succeed and are halved where they fail; a
+    state from which nothing leads on is varied in place, then given up for the next best. Without insertion a step
+    leads to more room.
 
     Attributes:
         rows: States of the tree, the first its root.

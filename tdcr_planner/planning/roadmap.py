@@ -55,9 +55,9 @@ class Conditions:
     def unfit_for(self, query: Conditions) -> str:
         """Returns why motions proven under these conditions do not serve a query; empty when they do.
 
-        An edge that keeps a clearance keeps every smaller one, whatever the step it was checked at: the step's half is
-        part of the margin at each state. A finer step is asked for all the same, because the bound on what lies
-        between two states holds for models that do not change their mind within a fraction of it.
+        An edge that keeps a clearance keeps every smaller one, whatever the step it was checked at. A finer step is
+        asked for all the same, because the bound on what lies between two states holds for models that do not change
+        their mind between them, and the first states of an edge stand some steps apart.
         """
         problems = differences(self.scene, query.scene) + differences({"model": self.model}, {"model": query.model})
         if query.clearance_m > self.clearance_m:

@@ -79,6 +79,29 @@ class ConfigurationSpace:
             bounds.append((segment.max_tension_n - segment.pretension_n) * farthest)
         return bounds
 
+    def sample(self, count: int, generator: np.random.Generator) -> FloatArray:
+        """Returns random rows (count, dimension), uniform among those whose tensions are within their limits.
+
+        A bending vector lies in the cone of one pair of neighbouring tendons and asks only them, so that the reachable
+        vectors of a segment are a parallelogram a pair: one is chosen by its area, then a point of it.
+        """
+        rows = generator.uniform(self.lower, self.upper, (count, self.dimension))
+        room = self.robot.max_tensions - self.robot.pretensions
+        for index in range(self.robot.segment_count):
+            columns = np.flatnonzero(self.robot.tendon_segments == index)
+            angles = np.mod(self.robot.tendon_angles[columns], 2.0 * np.pi)
+            order = np.argsort(angles, kind="stable")
+            after = np.roll(order, -1)
+            # Two tendons half a turn or more apart span no cone.
+            areas = room[columns[order]] * room[columns[after]] * np.maximum(np.sin(angles[after] - angles[order]), 0.0)
+            pair = generator.choice(len(order), count, p=areas / areas.sum())
+            first, second = columns[order[pair]], columns[after[pair]]
+            pulls = np.stack([room[first], room[second]], axis=1) * generator.uniform(size=(count, 2))
+            directions = self.robot.tendon_angles[np.stack([first, second], axis=1)]
+            rows[:, 2 * index] = (pulls * np.cos(directions)).sum(axis=1)
+            rows[:, 2 * index + 1] = (pulls * np.sin(directions)).sum(axis=1)
+        return rows
+
     def row(self, bending: Bending, insertion_m: float = 0.0, roll_deg: float = 0.0) -> FloatArray:
         """Returns the row, shape (dimension,), of a configuration as the scenario file writes it.
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.limits import ROUNDING, at_most
 from tdcr_planner.planning.kernels import actuate, actuation_tables, gap_curvatures, to_world
+from tdcr_planner.planning.reasons import contact_reason
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
@@ -179,6 +180,34 @@ class ValidityChecker:
             codes[alive] = self.scene.check(shapes.positions[which][alive], shapes.rotations[which][alive])
             shapes.codes[which] = codes
 
+    def slack(self, configurations: FloatArray, cap: float) -> FloatArray:
+        """Returns how far the body may move at each configuration without coming nearer than it must.
+
+        The slack is what the body keeps beyond the required distance: the least over its parts of their distance from
+        the walls less their margin, and half of what lies between two of its parts.
+
+        Args:
+            configurations: Shape (n, dimension).
+            cap: The most that is of interest, m; smaller values are found faster.
+
+        Returns:
+            Certified lower bounds, `cap` at most, shape (n,), m. Where a configuration is in collision, or nearer than
+            required, a number of 0 or less; minus infinity where it breaks a limit or has no shape.
+        """
+        shapes = self.shapes(configurations)
+        known = shapes.codes == 0
+        self.collide(shapes)
+        found = np.full(len(configurations), -np.inf)
+        free = shapes.codes == 0
+        if free.any():
+            found[free] = self.scene.prover.slack(shapes.positions[free], shapes.rotations[free], cap)
+        hit = known & ~free
+        if hit.any():
+            clearance = self.scene.clearance(shapes.positions[hit], shapes.rotations[hit])
+            found[hit] = np.minimum(clearance - self.scene.prover.required.max(initial=0.0), 0.0)
+        self.count(shapes.codes)
+        return found
+
     def count(self, codes: Codes) -> None:
         """Adds tested states to the counters."""
         self.states_checked += len(codes)
@@ -197,7 +226,10 @@ class ValidityChecker:
         self._ruled_out.append((np.array(row, dtype=np.float64), float(radius_m)))
 
     def explain(self, row: FloatArray) -> str:
-        """Returns why a configuration is rejected, naming disk and mesh for a contact; empty when it is valid."""
+        """Returns why a configuration is rejected; empty when it is valid.
+
+        For a contact it names part and mesh, for a distance below the required one what that is made of.
+        """
         shapes = self.shapes(row[None])
         if shapes.codes[0] == 0:
             self.collide(shapes)
@@ -207,8 +239,9 @@ class ValidityChecker:
         cause = CAUSES[code - 1]
         if cause not in (Cause.OBSTACLE, Cause.CAVITY, Cause.SELF_COLLISION):
             return self._limits.explain(cause, self.robot, self.actuate(row[None]).tensions[0])
-        contact = self.scene.first_contact(shapes.positions[0], shapes.rotations[0])
-        return f"{cause.value}: {contact}" if contact is not None else cause.value
+        bound = np.asarray(self.model.error_bound)
+        reason = contact_reason(self.scene, bound, shapes.positions[0], shapes.rotations[0])
+        return f"{cause.value}: {reason}" if reason else cause.value
 
     @cached_property
     def motion_scale(self) -> FloatArray:
@@ -379,15 +412,7 @@ def disk_reaches(robot: RobotSpec) -> FloatArray:
 
 def sample_within_tensions(checker: ValidityChecker, count: int, generator: np.random.Generator) -> FloatArray:
     """Returns random rows (count, dimension), uniform among those whose tensions are within their limits."""
-    space, limit = checker.space, checker.robot.max_tensions
-    found: list[FloatArray] = []
-    missing = count
-    while missing > 0:
-        rows = generator.uniform(space.lower, space.upper, (2 * missing + 16, space.dimension))
-        rows = rows[(checker.actuate(rows).tensions <= limit).all(axis=1)][:missing]
-        found.append(rows)
-        missing -= len(rows)
-    return np.concatenate(found)
+    return checker.space.sample(count, generator)
 
 
 def rejections(counts: dict[Cause, int] | Iterable[tuple[Cause, int]]) -> dict[str, int]:

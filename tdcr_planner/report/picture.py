@@ -14,6 +14,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.body import RobotBody
 from tdcr_planner.collision.meshes import read_triangles
 from tdcr_planner.errors import FormatError
+from tdcr_planner.planning.refusals import impossible_tip, missed_entries
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import planning_margins
@@ -261,7 +262,9 @@ def with_start_checked(picture: Picture) -> Picture:
     picture = replace(picture, clearance=clearance, model_positions=model_positions if solved.all() else None)
     problem = checker.explain(row)
     if not problem:
-        return replace(picture, message=f"start: valid, {told}")
+        remarks = [impossible_tip(checker, goal) for goal in picture.scenario.goals] + [missed_entries(checker)]
+        doubts = "".join(f"; but {remark}" for remark in remarks if remark)
+        return replace(picture, message=f"start: {'free' if doubts else 'valid'}, {told}{doubts}")
     shapes = checker.shapes(row[None])
     contact = None
     if shapes.codes[0] == 0:

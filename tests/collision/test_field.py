@@ -258,6 +258,8 @@ def test_a_user_without_a_home_keeps_no_fields(shapes, monkeypatch):
     monkeypatch.setattr("pathlib.Path.home", no_home)
     mesh = SceneMesh.from_arrays("ball", *shapes.sphere(0.05), "obstacle")
     assert len(build_field(mesh, make_side(mesh), CELLS).values) > 0
+
+
 def test_small_meshes_get_few_nodes_and_many_share_a_bounded_number(shapes):
     small = SceneMesh.from_arrays("small", *shapes.box((0.001, 0.002, 0.001)), "obstacle")
     large = SceneMesh.from_arrays("large", *shapes.box((1.0, 1.0, 1.0)), "obstacle")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,10 +15,11 @@ import pytest
 
 from tdcr_planner.collision.slack import SlackRecord
 from tdcr_planner.planning.edges import EdgeChecker
-from tdcr_planner.planning.scenario import Goal, Scenario
+from tdcr_planner.planning.scenario import Goal, Scenario, load_scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
 from tdcr_planner.robot import RobotSpec
+from tdcr_planner.session import PlanningSession
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 
 
@@ -75,6 +79,10 @@ class BoxScene:
         worst_of = (np.take_along_axis(values, worst, axis=1)[:, 0] for values in (room, moved))
         return tuple(np.where(left_open, values, 0.0) for values in worst_of)
 
+    @property
+    def required(self):
+        return self.margins[1:]
+
     def slack(self, positions, rotations, cap):
         return np.minimum((self.gaps(positions, rotations) - self.margins[1:]).min(axis=1), cap)
 
@@ -108,5 +116,53 @@ def make_setup(make_scenario: Callable[..., Scenario]) -> Callable[..., SimpleNa
         checker = ValidityChecker(space, shape, scene)
         edges = EdgeChecker(checker, scenario.planner.step_m)
         return SimpleNamespace(scenario=scenario, space=space, model=shape, scene=scene, checker=checker, edges=edges)
+
+    return make
+
+
+PORT = """format = "tdcr-scenario/1"
+robot = "{root}/models/robots/borescope.toml"
+[[meshes]]
+file = "{mesh}"
+unit = "mm"
+role = "obstacle"
+[base]
+position_m = [-0.105, 0.0, 0.0]
+quaternion_wxyz = [0.0, 0.70710678, 0.0, 0.70710678]
+insertion_m = [0.0, 0.15]
+[start]
+bending_n = [[0.0, 0.0], [0.0, 0.0]]
+[goal]
+tip_position_m = {goal}
+[planner]
+step_m = 0.0005
+clearance_m = 0.0001
+validity = "constant_curvature"
+"""
+
+
+@pytest.fixture(scope="session")
+def port(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., SimpleNamespace]:
+    """Returns a function that sets up the borescope before a plate of 10 mm with a hole of a diameter in mm.
+
+    The goal is 20 mm beside the axis and 40 mm behind the plate unless another is given.
+    """
+    file = root / "scenes/port/make_scene.py"
+    spec = importlib.util.spec_from_file_location("make_port", file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    folder = tmp_path_factory.mktemp("port")
+
+    @cache
+    def make(hole: float = 4.8, goal: tuple[float, float, float] = (0.05, 0.02, 0.0)) -> SimpleNamespace:
+        mesh = folder / f"plate_{hole}.stl"
+        module.make_plate(hole, 10.0).export(mesh)
+        path = folder / f"port_{hole}_{goal[0]}.toml"
+        path.write_text(PORT.format(root=root, mesh=mesh, goal=list(goal)))
+        session = PlanningSession(load_scenario(path))
+        checker = session.checker()
+        start = session.space.row([[0.0, 0.0], [0.0, 0.0]])
+        edges = EdgeChecker(checker, session.scenario.planner.step_m)
+        return SimpleNamespace(session=session, checker=checker, edges=edges, start=start, scenario=session.scenario)
 
     return make

@@ -50,8 +50,20 @@ def test_goal_states_look_where_they_should(make_setup):
     assert np.rad2deg(np.arccos(axes @ view)).max() <= 4.0
 
 
+def test_the_whole_tolerance_is_used_before_a_goal_counts_as_out_of_reach(make_setup):
+    # The straight robot of 200 mm, 100 mm inserted, reaches no higher than 300 mm.
+    for beyond, reachable in ((0.0019, True), (0.0022, False)):
+        setup, goal = tip_goal(make_setup, {"tip_position_m": [0.0, 0.0, 0.3 + beyond], "tip_tolerance_m": 0.002})
+        setup.model.error_bound = np.full(21, 0.0005)
+        goal = TipGoal(setup.checker, setup.scenario.goals[0], 1)
+        for _ in range(4):
+            goal.search()
+        assert bool(goal.rows) == reachable
+        assert (goal.unreachable() == "") == reachable
+
+
 def test_goal_states_keep_to_limits_and_out_of_obstacles(make_setup):
-    box = [[[-0.2, -0.2, 0.05], [0.2, -0.02, 0.4]]]
+    box = [[[-0.2, -0.2, 0.05], [0.2, -0.012, 0.4]]]
     asked = {"tip_position_m": [0.06, 0.0, 0.22], "tip_tolerance_m": 0.002}
     setup, goal = tip_goal(
         make_setup, asked, "two_segment", boxes=box, planner={"step_m": 0.002, "clearance_m": 0.0005}

@@ -42,6 +42,7 @@ def run(setup, **arguments):
 @pytest.mark.parametrize("name", PLANNERS)
 def test_every_offered_planner_finds_a_path_whose_every_edge_is_valid(make_setup, name):
     parameters = {"num_samples": 200} if "FMT" in name else PARAMETERS.get(name, {})
+    parameters = {**parameters, "plain_motions": False}
     setup = make_setup(boxes=POST, planner={"name": name, "step_m": 0.01, "parameters": parameters}, **AROUND)
     outcome = run(setup, seed=3, time_limit_s=30.0)
     assert outcome.status is SearchStatus.FOUND, outcome.message
@@ -66,7 +67,7 @@ def test_the_straight_way_is_blocked(make_setup):
 
 @pytest.mark.parametrize("name", [name for name in PLANNERS if name not in ("FMT", "BFMT")])
 def test_the_same_seed_gives_the_same_path(make_setup, name):
-    planner = {"name": name, "step_m": 0.02, "parameters": PARAMETERS.get(name, {})}
+    planner = {"name": name, "step_m": 0.02, "parameters": {**PARAMETERS.get(name, {}), "plain_motions": False}}
     setup = make_setup(boxes=POST, planner=planner, **AROUND)
     first, again, other = (run(setup, seed=seed, time_limit_s=30.0) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.rows, again.rows)
@@ -79,7 +80,8 @@ class BrokenError(Exception):
 
 @pytest.mark.parametrize("name", PLANNERS)
 def test_an_exception_in_a_callback_ends_the_search_and_comes_out(make_setup, name):
-    setup = make_setup(boxes=POST, planner={"name": name, "step_m": 0.02}, **AROUND)
+    planner = {"name": name, "step_m": 0.02, "parameters": {"plain_motions": False}}
+    setup = make_setup(boxes=POST, planner=planner, **AROUND)
     run(setup, seed=1, time_limit_s=0.05)  # start and goal are asked outside of OMPL
     ask = setup.scene.check
     calls = []
@@ -98,7 +100,8 @@ def test_an_exception_in_a_callback_ends_the_search_and_comes_out(make_setup, na
 
 @pytest.mark.parametrize("name", PLANNERS)
 def test_ctrl_c_ends_the_search(make_setup, name, as_in_a_terminal):
-    setup = make_setup(boxes=POST, planner={"name": name, "step_m": 0.02}, **AROUND)
+    planner = {"name": name, "step_m": 0.02, "parameters": {"plain_motions": False}}
+    setup = make_setup(boxes=POST, planner=planner, **AROUND)
     ask = setup.scene.check
     calls = []
 
@@ -157,7 +160,7 @@ def test_parameters_reach_the_planner_and_wrong_ones_are_named(name):
 def test_parameters_change_the_search(make_setup):
     lengths = {}
     for reach in (0.02, 0.2):
-        planner = {"name": "RRT", "step_m": 0.02, "parameters": {"range": reach}}
+        planner = {"name": "RRT", "step_m": 0.02, "parameters": {"range": reach, "plain_motions": False}}
         setup = make_setup(boxes=POST, planner=planner, **AROUND)
         lengths[reach] = run(setup, seed=1, time_limit_s=30.0).statistics["iterations"]
     assert lengths[0.02] > 2 * lengths[0.2]
@@ -247,6 +250,26 @@ def test_a_long_tour_is_ordered_as_well(make_setup):
     assert outcome.order == (0, 2, 4, 6, 1, 3, 5, 7)
 
 
+def test_an_open_way_is_answered_without_a_tree_and_an_improving_planner_has_nothing_to_improve(make_setup):
+    for name in ("RRTConnect", "RRTstar"):
+        outcome = run(make_setup(planner={"name": name, "step_m": 0.02}, **AROUND), seed=1, time_limit_s=30.0)
+        assert len(outcome.rows) == 2
+        assert outcome.statistics["answered_by"] == "plain_motions"
+        assert outcome.statistics["iterations"] == 0
+
+
+def test_an_improving_planner_returns_no_worse_than_the_plain_motion(make_setup):
+    lengths = {}
+    for plain in (True, False):
+        parameters = {"iterations": 20, "range": 0.1, "plain_motions": plain}
+        setup = make_setup(boxes=POST, planner={"name": "RRTstar", "step_m": 0.02, "parameters": parameters}, **AROUND)
+        outcome = run(setup, seed=2, time_limit_s=30.0)
+        scaled = outcome.rows * setup.checker.motion_scale if outcome.found else np.array([[0.0], [np.inf]])
+        lengths[plain] = np.linalg.norm(np.diff(scaled, axis=0), axis=1).sum()
+    # Shortening draws its places at random, so that equal ways may end a little apart.
+    assert lengths[True] <= 1.1 * lengths[False]
+
+
 def test_start_and_goal_may_be_the_same(make_setup):
     setup = make_setup(goal={"bending_n": [[0.0, 0.0]]})
     outcome = run(setup)
@@ -255,7 +278,8 @@ def test_start_and_goal_may_be_the_same(make_setup):
 
 
 def test_a_time_limit_is_kept(make_setup):
-    setup = make_setup(planner={"name": "RRTstar", "step_m": 0.02}, **AROUND)
+    planner = {"name": "RRTstar", "step_m": 0.02, "parameters": {"plain_motions": False}}
+    setup = make_setup(planner=planner, **AROUND)
     setup.edges.check_edge(np.array([0.0, 2.4, 0.0]), np.array([0.0, 2.0, 0.0]))  # compiles what is not yet compiled
     begin = time.monotonic()
     assert run(setup, seed=1, time_limit_s=1.0).found
@@ -265,5 +289,6 @@ def test_a_time_limit_is_kept(make_setup):
 
 @pytest.mark.parametrize("name", ["RRTstar", "SORRTstar"])
 def test_a_planner_that_takes_all_of_its_time_leaves_some_for_shortening(make_setup, name):
-    setup = make_setup(planner={"name": name, "step_m": 0.02, "parameters": {"range": 0.02}}, **AROUND)
+    parameters = {"range": 0.02, "plain_motions": False}
+    setup = make_setup(planner={"name": name, "step_m": 0.02, "parameters": parameters}, **AROUND)
     np.testing.assert_allclose(run(setup, seed=1, time_limit_s=1.5).rows, [[0.0, 2.4, 0.0], [2.4, 0.0, 0.0]])

@@ -4,9 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.stats import ks_2samp
 
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.robot import RobotSpec
 
 Make = Callable[..., Scenario]
 
@@ -57,3 +59,32 @@ def test_bounds_hold_every_bending_vector_within_the_tension_limits(
     allowed = (robot.tensions_from_bending(bending) <= 3.5).all(axis=1)
     reach = np.linalg.norm(bending[allowed, 0], axis=1).max()
     assert reach <= space.upper[0] <= 1.1 * reach
+
+
+@pytest.mark.parametrize("robot", ["paper", "two_segment", "inspection"])
+def test_samples_are_uniform_within_the_tension_limits(make_scenario: Make, robot: str) -> None:
+    space = ConfigurationSpace(make_scenario(robot))
+    random = np.random.default_rng(4)
+    rows = space.sample(4000, random)
+    assert (space.actuate(rows).tensions <= space.robot.max_tensions + 1e-12).all()
+    box = random.uniform(space.lower, space.upper, (60000, space.dimension))
+    expected = box[(space.actuate(box).tensions <= space.robot.max_tensions).all(axis=1)]
+    for index in range(space.robot.segment_count):
+        ours, theirs = (space.bending(r)[:, index] for r in (rows, expected))
+        # Kolmogorov-Smirnov: the same distribution of sizes and directions at a level of one in a thousand.
+        for measure in (lambda v: np.hypot(*v.T), lambda v: np.arctan2(v[:, 1], v[:, 0])):
+            assert ks_2samp(measure(ours), measure(theirs)).pvalue > 1e-3
+
+
+@pytest.mark.parametrize("tendons", [3, 4, 6, 9])
+def test_samples_of_many_segments_take_no_longer(make_scenario: Make, paper_robot: RobotSpec, tendons: int) -> None:
+    angles = tuple(360.0 * k / tendons for k in range(tendons))
+    segment = paper_robot.segments[0].model_copy(update={"tendon_angles_deg": angles})
+    scenario = make_scenario("paper")
+    robot = paper_robot.model_copy(update={"segments": (segment,) * 16})
+    space = ConfigurationSpace(Scenario(scenario.path, scenario.sha256, scenario.file, robot))
+    rows = space.sample(200, np.random.default_rng(1))
+    assert rows.shape == (200, 32)
+    assert (space.actuate(rows).tensions <= robot.max_tensions + 1e-12).all()
+    # Corners, where both tendons of a pair pull fully, come near.
+    assert space.actuate(rows).tensions.max() > 0.99 * robot.max_tensions[0]

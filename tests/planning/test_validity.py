@@ -144,10 +144,10 @@ def test_explanations_name_what_is_wrong(make_setup):
     assert "tendon 1 needs 4 N of at most 3.5 N" in setup.checker.explain(np.array([0.0, 4.0]))
 
 
-def test_margins_add_clearance_half_a_step_and_the_models_error(make_setup):
+def test_margins_add_clearance_and_the_models_error_whatever_the_step(make_setup):
     setup = make_setup(planner={"clearance_m": 0.001, "step_m": 0.004})
     setup.model.error_bound = np.linspace(0.0, 0.002, 21)
-    np.testing.assert_allclose(planning_margins(setup.scenario, setup.model), np.linspace(0.003, 0.005, 21))
+    np.testing.assert_allclose(planning_margins(setup.scenario, setup.model), np.linspace(0.001, 0.003, 21))
 
 
 def test_a_model_with_a_fast_path_is_asked_there(make_setup):

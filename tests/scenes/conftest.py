@@ -52,21 +52,24 @@ def shipped(scenes: Path) -> Callable[[str], trimesh.Trimesh]:
 def reference_setup(scenes: Path) -> Callable[[str], SimpleNamespace]:
     """Returns a function that gives a scenario with a checker that asks the reference and keeps the clearance asked.
 
-    Meshes and what collision builds of them are shared by the scenarios of a scene.
+    Meshes are shared by the scenarios of a scene that name the same ones.
     """
+    loaded = {}
 
-    @cache
-    def meshes(scene: str):
-        return load_scene_meshes(load_scenario(sorted((scenes / scene).glob("scenario_*.toml"))[0]))
+    def meshes(scenario: Scenario):
+        named = (scenario.path.parent, *map(repr, scenario.file.meshes))
+        if named not in loaded:
+            loaded[named] = load_scene_meshes(scenario)
+        return loaded[named]
 
     @cache
     def setup(name: str) -> SimpleNamespace:
         scenario: Scenario = load_scenario(scenes / name)
         base = scenario.file.base
         shaft = None if base.shaft_radius_m is None else Shaft(base.shaft_radius_m, scenario.base_position)
-        margins = np.full(scenario.robot.disk_count, scenario.planner.clearance_m + scenario.planner.step_m / 2.0)
+        margins = np.full(scenario.robot.disk_count, scenario.planner.clearance_m)
         space = ConfigurationSpace(scenario)
-        scene = CollisionScene(meshes(name.split("/")[0]), RobotBody(scenario.robot, margins, shaft))
+        scene = CollisionScene(meshes(scenario), RobotBody(scenario.robot, margins, shaft))
         checker = ValidityChecker(space, ReferenceShape(scenario.robot), scene)
         return SimpleNamespace(scenario=scenario, space=space, scene=scene, checker=checker)
 

@@ -57,7 +57,30 @@ def test_solids_of_the_stage_do_not_touch(shipped):
     assert not touching, pairs
 
 
-@pytest.mark.parametrize("scene", ["duct", "blades"])
+PORT = {
+    "plate_thin": 4.8,
+    "plate_thick": 3.9,
+    "plates_offset": 6.0,
+    "elbow": 6.0,
+    "tube_blind": 4.2,
+    "tube_curved": 4.8,
+}
+
+
+@pytest.mark.parametrize(("name", "width"), PORT.items())
+def test_ports_are_clean_and_as_wide_as_they_say(name, width, shipped):
+    mesh = shipped(f"port/{name}.stl")
+    assert mesh.is_winding_consistent
+    assert mesh.area_faces.min() > 0.0
+    assert mesh.is_watertight == name.startswith("plate")
+    mouth = mesh.vertices[np.abs(mesh.vertices[:, 0]) < STL_ROUNDING_MM]
+    distance = np.linalg.norm(mouth[:, 1:], axis=1)
+    # The polygon lies about the circle: its sides touch it, its corners stand out.
+    corner = 0.5 * width / np.cos(np.pi / 64)
+    np.testing.assert_allclose(distance[distance < width], corner, atol=STL_ROUNDING_MM)
+
+
+@pytest.mark.parametrize("scene", ["duct", "blades", "port"])
 def test_generator_makes_the_shipped_meshes(scene, scenes, generator, tmp_path):
     generator(scene).main(tmp_path)
     made = sorted(path.name for path in tmp_path.iterdir())
