@@ -30,7 +30,8 @@ from fuzz_inputs import (
     write_toml,
 )
 
-from tdcr_planner.cli.main import COMMANDS, run
+from tdcr_planner.cli.commands import COMMANDS
+from tdcr_planner.cli.main import run
 from tdcr_planner.learning.checkpoint import load_checkpoint, save_checkpoint
 from tdcr_planner.learning.dataset import draw_cases
 from tdcr_planner.learning.measured import read_measured_shapes

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from tdcr_planner.cli.commands import COMMANDS
 from tdcr_planner.cli.fault import is_memory_fault
-from tdcr_planner.cli.main import COMMANDS, run
+from tdcr_planner.cli.main import run
 from tdcr_planner.errors import FormatError
 
 
