@@ -45,11 +45,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
         # Compiled code and imports may turn an interrupt into an error of their own.
         if was_interrupted():
             return _say_interrupted()
-        if isinstance(error, OSError) and error.filename is None:
-            raise  # of standard output: the caller says so
         if is_memory_fault(error):
             print(describe_memory_fault(), file=sys.stderr)
             return EXIT_NOT_REACHED
+        if isinstance(error, OSError) and error.filename is None:
+            raise  # of standard output: the caller says so
         print(report_fault(error, arguments), file=sys.stderr)
         return EXIT_FAULT
 
