@@ -24,13 +24,12 @@ _LEAST_SHARE = 0.3  # of the tolerances, left for aiming beside what the model e
 
 
 class GoalSource(Protocol):
-    """Where the search gets goal states from.
+    """Where the search gets goal states from."""
 
-    Attributes:
-        rows: Valid goal states found so far.
-    """
-
-    rows: list[FloatArray]
+    @property
+    def rows(self) -> list[FloatArray]:
+        """Valid goal states found so far."""
+        ...
 
     def take(self) -> list[FloatArray]:
         """Returns the valid goal states found since the last call."""

@@ -223,6 +223,7 @@ class _Query:
                 self.answered_by = "retraction"
                 if name not in IMPROVING:
                     return known
+        by_structure = self.answered_by
         goal = passage.goal if retracts and known is None else passage.source
         found = self._by_planner(passage.starts, goal, leg, cost)
         if found is not None:
@@ -230,7 +231,10 @@ class _Query:
         if known is None or found is None:
             return known if found is None else found
         known = shorten(self.edges, known, seed=self.seed + leg, deadline=self.deadline, cost=cost.edge)
-        return known if path_cost(known, cost.edge) < path_cost(found, cost.edge) else found
+        if path_cost(known, cost.edge) >= path_cost(found, cost.edge):
+            return found
+        self.answered_by = by_structure
+        return known
 
     def _by_planner(
         self, starts: FloatArray, goal: GoalSource, leg: int, cost: PathCost, most: int = 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdcr_planner.arrays import FloatArray
+from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.planning.validity import ValidityChecker
 
 Residuals = Callable[[FloatArray, FloatArray], FloatArray]
@@ -33,7 +33,7 @@ class Relaxed:
     costs: FloatArray
     residuals: FloatArray
 
-    def take(self, places: FloatArray | Sequence[int]) -> Relaxed:
+    def take(self, places: IntArray) -> Relaxed:
         """Returns the rows at some places."""
         return Relaxed(self.rows[places], self.rooms[places], self.costs[places], self.residuals[places])
 
