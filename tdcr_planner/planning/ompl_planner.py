@@ -221,7 +221,7 @@ class _Query:
         return self._by_structure_or_planner(passage, leg, cost)
 
     def _by_structure_or_planner(self, passage: Passage, leg: int, cost: PathCost) -> FloatArray | None:
-        """Tries plain motions, then a first tree where the planner grows trees, then retraction, then the planner."""
+        """Tries plain motions, then a first tree where there is room for it, then retraction, then the planner."""
         name, parameters = self.scenario.planner.name, self.scenario.planner.parameters
         known = passage.by_plain_motions() if parameters.get("plain_motions", True) else None
         if known is not None:
@@ -230,15 +230,17 @@ class _Query:
                 return known
         retracts = passage.offered and bool(parameters.get("retraction", True))
         if known is None and retracts:
-            # In open scenes a small tree is the cheaper answer.
-            found = self._by_planner(passage.starts, passage.source, leg, cost, FIRST_TREE) if name in RENEWED else None
-            if found is not None:
-                return found
+            # Where there is room a small tree is the cheaper answer.
+            if name in RENEWED and not passage.narrow:
+                found = self._by_planner(passage.starts, passage.source, leg, cost, FIRST_TREE)
+                if found is not None:
+                    return found
             known = passage.by_retraction()
             if known is not None:
                 self.answered_by = "retraction"
                 if name not in IMPROVING:
                     return known
+        by_structure = self.answered_by
         goal = passage.goal if retracts and known is None else passage.source
         found = self._by_planner(passage.starts, goal, leg, cost)
         if found is not None:
@@ -246,7 +248,10 @@ class _Query:
         if known is None or found is None:
             return known if found is None else found
         known = shorten(self.edges, known, seed=self.seed + leg, deadline=self.deadline, cost=cost.edge)
-        return known if path_cost(known, cost.edge) < path_cost(found, cost.edge) else found
+        if path_cost(known, cost.edge) >= path_cost(found, cost.edge):
+            return found
+        self.answered_by = by_structure
+        return known
 
     def _by_planner(
         self, starts: FloatArray, goal: GoalSource, leg: int, cost: PathCost, most: int = 0

@@ -12,11 +12,12 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import GoalSource
 from tdcr_planner.planning.plain_motions import PlainMotions
-from tdcr_planner.planning.relaxation import offers_room
-from tdcr_planner.planning.retraction import Retraction, thinned
+from tdcr_planner.planning.relaxation import Relaxation, offers_room
+from tdcr_planner.planning.retraction import WANTED, Retraction, thinned
 from tdcr_planner.planning.shortfall import describe_shortfall
 
 _MOST_ROOTS = 6  # goal states that are retracted before the planner runs
+_MOST_MEASURED = 32  # goal states whose room is asked for
 _TURN = 12  # steps of one tree before it is tried to join it and the next takes its turn
 _TURNS = 20
 _TURNS_WHILE_SEARCHING = 4
@@ -63,6 +64,16 @@ class Passage:
     def goal(self) -> GoalSource:
         """The leg's goal states and those pulled back from them, for the planner."""
         return _PulledBackGoal(self, self.source)
+
+    @property
+    def narrow(self) -> bool:
+        """Whether the body lacks room in every goal state, so that pulling back promises more than a tree."""
+        if not self.offered:
+            return False
+        checker = self._edges.checker
+        wanted = WANTED * float(checker.robot.disk_radii[1:].min())
+        rooms = Relaxation(checker, wanted, wanted).measure(np.array(self.source.rows[:_MOST_MEASURED])).rooms
+        return bool(rooms.max() < wanted)
 
     @property
     def starts(self) -> FloatArray:

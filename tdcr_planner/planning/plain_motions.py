@@ -15,9 +15,9 @@ from tdcr_planner.planning.relaxation import within_limits
 from tdcr_planner.planning.validity import ValidityChecker
 
 _STRAIGHTENING_STEPS = 6
-_MOST_STRAIGHT = 8  # goal states nearest to the start that are tried straight
-_MOST_GOALS = 12  # and in several legs
-_MOST_TRIED = 40  # motions of several legs of which an edge is checked
+_MOST_STRAIGHT = 4  # goal states nearest to the start that are tried straight
+_MOST_GOALS = 8  # and in several legs
+_MOST_TRIED = 20  # motions of several legs of which an edge is checked
 
 
 @dataclass(frozen=True)

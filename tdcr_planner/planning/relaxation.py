@@ -33,7 +33,7 @@ class Relaxed:
     costs: FloatArray
     residuals: FloatArray
 
-    def take(self, places: IntArray | Sequence[int]) -> Relaxed:
+    def take(self, places: IntArray) -> Relaxed:
         """Returns the rows at some places."""
         return Relaxed(self.rows[places], self.rooms[places], self.costs[places], self.residuals[places])
 

@@ -21,6 +21,7 @@ from tdcr_planner.files import (
     FileModel,
     NotNegative,
     Positive,
+    check_file,
     parse_table,
     sha256_of_json,
     write_file_whole,
@@ -234,6 +235,7 @@ _SCHEMA = ArraySchema(
 
 def _read(path: Path) -> Roadmap:
     """Returns what a file holds, or raises FormatError saying what is wrong with it."""
+    check_file(path)
     try:
         arrays, sizes = read_arrays(path, _SCHEMA)
         table = parse_json(str(arrays.pop("header")), path, "header")

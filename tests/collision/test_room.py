@@ -16,7 +16,7 @@ HOLE, OUTER, THICKNESS = 0.0024, 0.02, 0.01  # radii and thickness of a plate ab
 def plate(root):
     robot = load_robot(root / "models/robots/borescope.toml")
     mesh = trimesh.creation.annulus(HOLE / np.cos(np.pi / 64), OUTER, THICKNESS, sections=64)
-    scene_mesh = SceneMesh("plate.stl", mesh.vertices, mesh.faces, "obstacle")
+    scene_mesh = SceneMesh.from_arrays("plate.stl", np.array(mesh.vertices), np.array(mesh.faces), "obstacle")
     return CollisionScene([scene_mesh], RobotBody(robot, np.zeros(robot.disk_count)))
 
 

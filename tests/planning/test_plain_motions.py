@@ -14,7 +14,7 @@ def blocked_halfway(make_setup, start, goal, **changes):
     free = make_setup(base=BASE, **changes)
     positions, _, _ = free.checker.world_poses(0.5 * (np.array(start) + np.array(goal))[None])
     tip = positions[0, -1]
-    return make_setup(base=BASE, boxes=[[tip - 0.004, tip + 0.004]], **changes)
+    return make_setup(base=BASE, boxes=[[tip - 0.001, tip + 0.001]], **changes)
 
 
 def test_an_open_way_is_straight(make_setup):
@@ -24,7 +24,7 @@ def test_an_open_way_is_straight(make_setup):
 
 
 def test_what_is_blocked_halfway_is_passed_in_legs_that_are_valid(make_setup):
-    start, goal = np.zeros(4), np.array([1.5, 0.0, 0.1, 0.0])
+    start, goal = np.zeros(4), np.array([3.0, 0.0, 0.1, 0.0])
     setup = blocked_halfway(make_setup, start, goal)
     assert not setup.edges.check_edge(start, goal)
     rows = PlainMotions(setup.edges).connect(start, [goal], np.inf)
