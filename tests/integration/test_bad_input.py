@@ -105,7 +105,7 @@ FAULTS: dict[str, tuple[Callable[[Workplace], None], list[str]]] = {
     ),
     "gravity outside the domain": (
         write_scenario(gravity_m_s2="[0.0, 0.0, -25.0]"),
-        ["scenario gravity_m_s2: expected at most 9.81 m/s^2", "got 25 m/s^2; for more, raise [domain] gravity_m_s2"],
+        ["scenario gravity_m_s2: expected at most 10 m/s^2", "got 25 m/s^2; for more, raise [domain] gravity_m_s2"],
     ),
     "tip force outside the domain": (
         write_scenario(tip_force_n="[0.0, 0.3, 0.0]"),

@@ -130,7 +130,7 @@ def test_single_load_vectors_serve_all_rows(inspection):
     ("arguments", "words"),
     [
         ({"tensions": [[0.0, 0.0, 0.0], [1.0, 3.6, 0.0]]}, ["3.5 N", "3.6 N", "row 1", "tendon 1"]),
-        ({"tensions": [[0.0, 0.0, 0.0]], "gravity": [0.0, 9.81, 1.0]}, ["gravity", "9.81 m/s^2", "9.86"]),
+        ({"tensions": [[0.0, 0.0, 0.0]], "gravity": [0.0, 10.0, 1.0]}, ["gravity", "10 m/s^2", "10.0"]),
         ({"tensions": [[0.0, 0.0, 0.0]], "tip_force": [0.06, 0.0, 0.0]}, ["tip_force", "0.05 N", "0.06 N"]),
     ],
 )
@@ -143,7 +143,7 @@ def test_out_of_domain_is_refused(inspection, arguments, words):
 
 def test_limits_belong_to_the_domain(inspection):
     limit = np.full((1, 3), 3.5)
-    turned = np.array([9.81 * np.sqrt(1.0 / 3.0)] * 3)
+    turned = np.array([10.0 * np.sqrt(1.0 / 3.0)] * 3)
     assert inspection.in_domain(limit, turned[None], np.zeros((1, 3))).all()
     assert inspection.disk_poses(limit, gravity=turned).solved.all()
 
@@ -318,5 +318,5 @@ def test_shipped_files_belong_together(name):
 
 def test_card_describes_itself(model):
     text = model.card.describe()
-    for words in ("domain", "9.81", "error bound", "torch", model.card.robot.name):
+    for words in ("domain", "gravity to 10 m/s^2", "error bound", "torch", model.card.robot.name):
         assert words in text
