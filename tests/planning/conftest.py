@@ -134,6 +134,7 @@ insertion_m = [0.0, 0.15]
 bending_n = [[0.0, 0.0], [0.0, 0.0]]
 [goal]
 tip_position_m = {goal}
+tip_tolerance_m = 0.002
 [planner]
 step_m = 0.0005
 clearance_m = 0.0001
