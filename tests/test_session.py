@@ -148,7 +148,7 @@ def test_a_roadmap_answers_queries_in_its_scene(session: PlanningSession, tmp_pa
     assert result.planner["roadmap"] == {"vertices": 40, "edges": len(roadmap.edges), "answered": True}
     careful = session.plan(session.scenario.with_planner(clearance_m=0.001))
     assert careful.status is PlanStatus.VERIFIED
-    assert careful.planner["iterations"] > 0
+    assert careful.planner["answered_by"] != "roadmap"
     assert careful.planner["roadmap"] == {
         "vertices": 40,
         "edges": len(roadmap.edges),

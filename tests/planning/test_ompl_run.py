@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -101,7 +102,7 @@ def test_errors_that_are_kept_do_not_disturb_later_searches(make_setup, name):
 
 
 INTERRUPTED = """
-import signal, sys, time
+import runpy, signal, sys, time
 import numpy as np
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import ConfigurationGoal
@@ -113,15 +114,15 @@ from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import ValidityChecker
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 
-class Plate:
-    def check(self, positions, rotations):
-        return (np.abs(positions[:, -1, 0]) < 0.005).astype(np.int8)
-    def clearance(self, positions, rotations):
-        return np.abs(positions[:, -1, 0])
+class Plate(runpy.run_path(sys.argv[2])["BoxScene"]):
+    def gaps(self, positions, rotations):
+        return np.repeat(np.abs(positions[:, -1:, 0]) - 0.005, positions.shape[1] - 1, axis=1)
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 scenario = load_scenario(sys.argv[1])
-checker = ValidityChecker(ConfigurationSpace(scenario), ConstantCurvatureShape(scenario.robot), Plate())
+robot = scenario.robot
+plate = Plate(np.empty((0, 2, 3)), np.zeros(robot.disk_count), robot.disk_radii)
+checker = ValidityChecker(ConfigurationSpace(scenario), ConstantCurvatureShape(robot), plate)
 edges = EdgeChecker(checker, 0.005)
 for name in PLANNERS:
     goal = ConfigurationGoal(checker, np.array([2.8, 0.0]))
@@ -137,7 +138,8 @@ for name in PLANNERS:
 
 
 def test_ctrl_c_from_outside_ends_every_planner_and_none_takes_the_process_with_it(make_scenario):
-    command = [sys.executable, "-c", INTERRUPTED, str(make_scenario().path)]
+    boxes = Path(__file__).with_name("conftest.py")
+    command = [sys.executable, "-c", INTERRUPTED, str(make_scenario().path), str(boxes)]
     waits = np.random.default_rng(1).uniform(0.02, 0.3, len(PLANNERS))
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
