@@ -29,7 +29,9 @@ _NETWORKS = {
     "__torch__.tdcr_planner.learning.paper_network PaperNetwork": "paper",
     "__torch__.tdcr_planner.shape.paper_network PaperNetwork": "paper",
 }
-_LAYER = re.compile(r"__torch__\.torch\.nn\.modules\.(container|linear)(\.___torch_mangle_\d+)? (ModuleList|Linear)")
+_LAYER = re.compile(r"__torch__\.torch\.nn\.modules\.(container|linear) (ModuleList|Linear)")
+# What TorchScript puts into the name of a class that it has met before in the same process.
+_MANGLE = re.compile(r"\.___torch_mangle_\d+(?= )")
 
 
 @dataclass(frozen=True)
@@ -82,15 +84,17 @@ def _find_prefix(archive: Archive) -> str:
 
 def _check_classes(path: Path, module: StoredModule, card: ModelCard) -> None:
     """Refuses a module of foreign classes: what it computes is not what this program would answer."""
-    foreign = sorted(name for name in module.classes if name not in _NETWORKS and not _LAYER.fullmatch(name))
-    if foreign or module.root not in _NETWORKS:
-        name = (foreign or [module.root])[0].removeprefix("__torch__.")
+    root = _MANGLE.sub("", module.root)
+    classes = {_MANGLE.sub("", name) for name in module.classes}
+    foreign = sorted(name for name in classes if name not in _NETWORKS and not _LAYER.fullmatch(name))
+    if foreign or root not in _NETWORKS:
+        name = (foreign or [root])[0].removeprefix("__torch__.")
         raise FormatError(
             path, f"holds code that this program does not run: class {name}, expected a model that `tdcr train` wrote"
         )
-    if _NETWORKS[module.root] != card.network:
+    if _NETWORKS[root] != card.network:
         raise FormatError(
-            path, f"its card is of network {card.network!r}, its module is of network {_NETWORKS[module.root]!r}"
+            path, f"its card is of network {card.network!r}, its module is of network {_NETWORKS[root]!r}"
         )
 
 

@@ -113,7 +113,7 @@ FAULTS: dict[str, tuple[Callable[[Workplace], None], list[str]]] = {
     ),
     "model of another robot": (other_model, ["model.pt", "'paper'", "'inspection'"]),
     "truncated model": (truncated_model, ["model.pt", "truncated"]),
-    "no model": (no_model, ["model.pt", "not a shape model"]),
+    "no model": (no_model, ["model.pt", "no shape model"]),
     "zero-length segment": (
         change_robot("length_m = 0.2", "length_m = 0.0"),
         ["segments[1].length_m", "greater than 0"],

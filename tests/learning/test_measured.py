@@ -141,5 +141,5 @@ def test_missing_and_empty_files_are_named(small_robot, write_csv, tmp_path):
 def test_a_field_without_end_is_refused(tmp_path, small_robot):
     path = tmp_path / "long.csv"
     path.write_text("tension_0_n\n" + "1" * 200_000 + "\n")
-    with pytest.raises(FormatError, match="is no table: field larger than field limit"):
+    with pytest.raises(FormatError, match="is not valid CSV: field larger than field limit"):
         read_measured_shapes(path, small_robot)

@@ -38,7 +38,7 @@ roll_deg = [-180.0, 180.0]
 bending_n = {start}
 insertion_m = -0.15
 [goal]
-tip_position_m = [0.03, 0.0, 0.15]
+tip_position_m = [0.003, 0.0, 0.15]
 view_direction = [1.0, 0.0, 0.0]
 [planner]
 validity = "constant_curvature"

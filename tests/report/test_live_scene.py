@@ -27,7 +27,7 @@ def test_a_straight_robot_in_the_pipe_is_free(scene):
     assert look.clearance == pytest.approx(0.004, abs=14e-3 * (1 - np.cos(np.pi / 48)) + 1e-6)
     head, lines = describe(look)
     assert head == "free"
-    assert lines == [f"clearance {1e3 * look.clearance:.2f} mm; the planner keeps 1.50 mm"]
+    assert lines == [f"clearance {1e3 * look.clearance:.2f} mm; the planner keeps 0.50 mm"]
 
 
 def test_every_touching_part_is_named_and_each_is_near_its_point(scene):

@@ -182,6 +182,7 @@ def test_the_verdict_on_a_start_is_told_though_its_page_fails(make_scenario, tmp
         raise ValueError("no such colour")
 
     monkeypatch.setattr("tdcr_planner.report.scene_html.write_html", fail)
-    assert view(make_scenario("paper").path, out=tmp_path / "look.html", open_browser=False) == 1
+    scenario = make_scenario("paper")
+    assert view(scenario.path, out=tmp_path / "look.html", open_browser=False) == 1
     assert capsys.readouterr().out.startswith("start: valid")
     assert "look.html is not drawn" in caplog.text

@@ -81,7 +81,7 @@ def test_only_regular_files_of_known_endings_are_read(tmp_path):
     with pytest.raises(FormatError, match=r"unknown ending '.dae'; valid: .stl, .obj, .ply, .off, .gltf, .glb, .3mf"):
         read_mesh_file(tmp_path / "mesh.dae")
     os.mkfifo(tmp_path / "pipe.stl")
-    with pytest.raises(FormatError, match="no regular file"):
+    with pytest.raises(FormatError, match="is a pipe, expected a file"):
         read_mesh_file(tmp_path / "pipe.stl")
     (tmp_path / "folder.stl").mkdir()
     with pytest.raises(FormatError, match="is a folder"):
@@ -93,7 +93,7 @@ def test_only_regular_files_of_known_endings_are_read(tmp_path):
 
 def test_endings_count_in_any_case_and_names_with_odd_characters_are_named(writers, box, tmp_path):
     assert len(read_mesh_file(writers.write(tmp_path / "BOX.STL", "stl", *box)).faces) == 12
-    with pytest.raises(FormatError, match="cannot be read"):
+    with pytest.raises(FormatError, match="null byte"):
         read_mesh_file(tmp_path / "null\0byte.stl")
 
 
