@@ -13,7 +13,7 @@ from tdcr_planner.shape.learned import LearnedShape
 
 FIT_IN_RADII = 0.25
 """A fit model's largest error bound, in disk radii. A robot that passes openings of 1.5 times its own width has half a
-disk radius on each side; clearance and half a step take 0.15 of it at their defaults, the bound may take 0.25."""
+disk radius on each side; the clearance takes 0.05 of it by default, the bound may take 0.25."""
 _BLAME_CASES = 4000
 
 
