@@ -15,6 +15,9 @@ from tdcr_planner.compiled import njit
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
 
+# Sine of the angle between two unit vectors below which rounding decides the rest of it.
+PARALLEL = 1e-9
+
 
 class Kind(IntEnum):
     """What a solid stands for; decides where it stands in a state."""
@@ -255,6 +258,27 @@ def across(axis):  # type: ignore[no-untyped-def]
     a = -1.0 / (sign + axis[2])
     b = axis[0] * axis[1] * a
     return (1.0 + sign * axis[0] ** 2 * a, sign * b, -sign * axis[0]), (b, sign + axis[1] ** 2 * a, -axis[1])
+
+
+@njit(cache=True, nogil=True)
+def towards_rim(axis, nx, ny, nz, along):  # type: ignore[no-untyped-def]
+    """Returns the unit vector at right angles to a unit axis that leans most towards a unit normal.
+
+    Zero where axis and normal are parallel up to rounding: all of the rim is as near then. The length is that of the
+    vector itself: 1 - along^2 loses it to rounding where the two are nearly parallel.
+
+    Args:
+        axis: Shape (3,).
+        nx: The normal.
+        ny: The normal.
+        nz: The normal.
+        along: Their scalar product.
+    """
+    x, y, z = nx - along * axis[0], ny - along * axis[1], nz - along * axis[2]
+    length = math.sqrt(x * x + y * y + z * z)
+    if length < PARALLEL:
+        return 0.0, 0.0, 0.0
+    return x / length, y / length, z / length
 
 
 @njit(cache=True, nogil=True)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.collision.body import place_solid
+from tdcr_planner.collision.body import place_solid, towards_rim
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.tree import TriangleTree, winding_number
 from tdcr_planner.compiled import njit
@@ -76,10 +76,9 @@ def deepest_point(body, index, centre, axis, half, normal, point):  # type: igno
         for a in range(3):
             point[a] = centre[a] + shift * axis[a] + radius * normal[a]
         return
-    across = math.sqrt(max(0.0, 1.0 - along * along))
-    scale = radius / across if across > 1e-12 else 0.0
+    rim = towards_rim(axis, normal[0], normal[1], normal[2], along)
     for a in range(3):
-        point[a] = centre[a] + shift * axis[a] + scale * (normal[a] - along * axis[a])
+        point[a] = centre[a] + shift * axis[a] + radius * rim[a]
 
 
 @njit(cache=True, nogil=True)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from tdcr_planner.collision.body import towards_rim
 from tdcr_planner.collision.tree import STACK_SIZE, triangle_square_distance
 from tdcr_planner.compiled import njit
 
@@ -130,12 +131,9 @@ def cylinder_triangle_distance(triangle, centre, axis, half, radius):  # type: i
         return best
     size = math.sqrt(square)
     along = (axis[0] * nx + axis[1] * ny + axis[2] * nz) / size
-    across = math.sqrt(max(0.0, 1.0 - along * along))
     end = math.copysign(half, along)
-    rim = radius / across if across > 1e-12 else 0.0
-    ax = end * axis[0] + rim * (nx / size - along * axis[0])
-    ay = end * axis[1] + rim * (ny / size - along * axis[1])
-    az = end * axis[2] + rim * (nz / size - along * axis[2])
+    rim = towards_rim(axis, nx / size, ny / size, nz / size, along)
+    ax, ay, az = end * axis[0] + radius * rim[0], end * axis[1] + radius * rim[1], end * axis[2] + radius * rim[2]
     gx, gy, gz = centre[0] - triangle[0, 0], centre[1] - triangle[0, 1], centre[2] - triangle[0, 2]
     middle = (gx * nx + gy * ny + gz * nz) / size
     reach = (ax * nx + ay * ny + az * nz) / size

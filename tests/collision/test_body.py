@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tdcr_planner.collision.body import Kind, RobotBody, Shaft, largest_curvature, part_ball, place_solids
+from tdcr_planner.collision.body import (
+    PARALLEL,
+    Kind,
+    RobotBody,
+    Shaft,
+    largest_curvature,
+    part_ball,
+    place_solids,
+    towards_rim,
+)
 from tdcr_planner.collision.scene import CollisionScene, Verdict
 from tdcr_planner.errors import InputError
 from tdcr_planner.se3 import rotation_from_vector
@@ -153,3 +162,18 @@ def test_the_largest_curvature_bounds_what_the_tendons_do(two_segment):
     for segment, (first, last) in enumerate(((0, 10), (10, 20))):
         turn = np.arccos(np.clip(rotations[first][:, 2] @ rotations[last][:, 2], -1, 1))
         assert turn <= largest_curvature(two_segment, segment) * 0.1 + 1e-12
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-17, 1e-12, 1e-10, 3e-9, 1e-8, 1.5e-8, 1e-6, 1e-3, 1.0])
+@pytest.mark.parametrize("turn", np.linspace(0.0, 2.0 * np.pi, 7, endpoint=False))
+def test_the_way_to_the_rim_is_a_unit_vector_across_the_axis_however_near_the_normal_is_to_it(tilt, turn):
+    axis = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
+    normal = np.array([0.0, 0.0, 1.0])
+    rim = np.array(towards_rim(axis, *normal, float(axis @ normal)))
+    if tilt < PARALLEL:
+        np.testing.assert_array_equal(rim, np.zeros(3))
+        return
+    assert np.linalg.norm(rim) == pytest.approx(1.0, abs=1e-12)
+    # Rounding of 1e-16 in a vector of length `tilt`.
+    assert abs(rim @ axis) < 1e-15 / tilt + 1e-15
+    assert rim @ normal >= -1e-15
