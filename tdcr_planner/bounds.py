@@ -43,7 +43,7 @@ class Bound:
 SEED = Bound(0, 2**63 - 1, "random generators take 63 bits")
 SEARCH_SEED = Bound(1, 2**31 - 1, "OMPL's generator takes 31 bits, and 0 means none")
 TIME_S = Bound(1e-3, 604_800, "a week")
-PORT = Bound(1, 65_535, "ports have 16 bits")
+PORT = Bound(0, 65_535, "ports have 16 bits; 0 for any free one")
 PROCESSES = Bound(1, 1_024, "more than a machine has processors")
 SAMPLES = Bound(1, 10_000_000, "hours of the reference, and gigabytes of shapes")
 EVALUATION_SAMPLES = Bound(10, 10_000_000, SAMPLES.reason)

@@ -17,7 +17,6 @@ from tdcr_planner.errors import FormatError
 from tdcr_planner.planning.refusals import impossible_tip, missed_entries
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
-from tdcr_planner.planning.validity import planning_margins
 from tdcr_planner.report.body_mesh import tested_body
 from tdcr_planner.report.marks import Mark, contact_marks, goal_marks, marks_of
 from tdcr_planner.report.reference_poses import reference_shapes
@@ -269,9 +268,6 @@ def with_start_checked(picture: Picture) -> Picture:
     contact = None
     if shapes.codes[0] == 0:
         contact = checker.scene.first_contact(shapes.positions[0], shapes.rotations[0])
-    if contact is not None and clearance[0] > 0.0:
-        kept = planning_margins(picture.scenario, checker.model).max()
-        problem += f" with the planner's margin of {1e3 * kept:.1f} mm; {told}"
     marks: tuple[Mark, ...] = ()
     if contact is not None and np.isfinite(contact.point).all():
         marks = (Mark("contact of the start", contact.point, part=contact.part),)
