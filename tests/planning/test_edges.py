@@ -127,7 +127,7 @@ def test_the_end_is_asked_first_and_only_once(make_setup):
     assert setup.edges.check_edge(np.zeros(2), np.array([0.5, 0.0]))
     first = setup.scene.asked - 1
     # Back by another way, so that the ends are all that is known.
-    assert setup.edges.check_edge(np.array([0.5, 0.0]), np.array([0.0, 0.0]) + [0.0, 1e-6])
+    assert setup.edges.check_edge(np.array([0.5, 0.0]), np.array([0.0, 1e-6]))
     assert setup.scene.asked - 1 - first < first
     assert setup.edges.edges_checked == 3
     assert setup.edges.edges_rejected == 1
