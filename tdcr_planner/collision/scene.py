@@ -357,8 +357,13 @@ class CollisionScene:
             most: What is not exceeded, m: parts that have more are not looked at closely.
 
         Returns:
-            Shape (n, q), m, in the order of `RobotBody.part_names`.
+            Shape (n, q), m, in the order of `RobotBody.part_names`; minus infinity where a pose is not finite.
         """
+        finite = np.isfinite(positions.sum(axis=(1, 2)) + rotations.sum(axis=(1, 2, 3)))
+        if not finite.all():
+            found = np.full((len(positions), len(self.body.part_names)), -np.inf)
+            found[finite] = self.part_rooms(positions[finite], rotations[finite], most)
+            return found
         rooms = np.full((len(positions), len(self.body.part_names)), float(most))
         if not self._split:
             self._split.extend(

@@ -12,6 +12,7 @@ import numpy as np
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.planning.kernels import disk_motions, fill_intervals
+from tdcr_planner.planning.proved_edges import ProvedEdges
 from tdcr_planner.planning.validity import CAUSES, Cause, Scene, Shapes, ValidityChecker, disk_reaches
 
 _COARSE_STEPS = 4.0  # spacing of the first states of an edge, in steps
@@ -41,6 +42,8 @@ class EdgeChecker:
     motion from second differences at the spacing of the states, doubled. It holds for shape models that do not change
     their mind between two states; a model that jumps between two equilibria has no bound at any spacing.
 
+    A part of an edge that is proved is not tested again (`proved_edges`).
+
     The end state is tested first, then states in between, and the first one found to hit ends it; only the states up
     to that one count as checked.
 
@@ -62,6 +65,7 @@ class EdgeChecker:
         self.edges_rejected = 0
         self._reaches = disk_reaches(checker.robot)
         self._known: set[bytes] = set()
+        self._proved = ProvedEdges()
         self._find_hit = getattr(checker.scene, "find_hit", None) or _hit_by_check(checker.scene)
 
     def state_valid(self, row: FloatArray) -> bool:
@@ -82,7 +86,9 @@ class EdgeChecker:
             row_b: End, shape (dimension,).
         """
         self.edges_checked += 1
-        valid = self._edge_valid(row_a, row_b)
+        valid = self._proved.contain(row_a, row_b, self.checker.motion_scale) or self._edge_valid(row_a, row_b)
+        if valid:
+            self._proved.add(row_a, row_b)
         self.edges_rejected += not valid
         return valid
 

@@ -63,6 +63,17 @@ def test_room_agrees_with_the_verdict_but_for_its_own_error(plate):
     assert not free[rooms < -2e-4].any()
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("broken", ["positions", "rotations"])
+def test_a_pose_that_is_not_finite_has_no_room_and_leaves_the_others_theirs(plate, broken, value):
+    positions, rotations = straight(plate, count=3)
+    known = plate.part_rooms(positions, rotations, 0.01)
+    (positions if broken == "positions" else rotations)[1, 5] = value
+    rooms = plate.part_rooms(positions, rotations, 0.01)
+    assert (rooms[1] == -np.inf).all()
+    np.testing.assert_array_equal(rooms[[0, 2]], known[[0, 2]])
+
+
 def test_distance_of_a_point_is_signed(plate):
     inside, name = plate.nearest_mesh([0.01, 0.0, 0.0])
     assert inside == pytest.approx(-0.005, abs=1e-6)

@@ -125,11 +125,26 @@ def test_the_end_is_asked_first_and_only_once(make_setup):
     assert setup.scene.asked == 1
     setup.scene.boxes = np.zeros((0, 2, 3))
     assert setup.edges.check_edge(np.zeros(2), np.array([0.5, 0.0]))
-    asked = setup.scene.asked
-    assert setup.edges.check_edge(np.array([0.5, 0.0]), np.zeros(2))
-    assert setup.scene.asked - asked < asked
+    first = setup.scene.asked - 1
+    # Back by another way, so that the ends are all that is known.
+    assert setup.edges.check_edge(np.array([0.5, 0.0]), np.array([0.0, 1e-6]))
+    assert setup.scene.asked - 1 - first < first
     assert setup.edges.edges_checked == 3
     assert setup.edges.edges_rejected == 1
+
+
+def test_a_part_of_a_valid_edge_is_not_asked_about_again_but_a_part_of_another_is(make_setup):
+    setup = make_setup(boxes=[[[0.08, -0.1, 0.0], [0.2, 0.1, 0.3]]])
+    start, end, bent = np.zeros(2), np.array([0.5, 0.0]), np.array([2.5, 0.0])
+    assert setup.edges.check_edge(start, end)
+    asked, states = setup.scene.asked, setup.checker.states_checked
+    assert setup.edges.check_edge(start, 0.25 * end)
+    assert setup.edges.check_edge(0.75 * end, end)
+    assert setup.edges.check_edge(end, start)
+    assert (setup.scene.asked, setup.checker.states_checked) == (asked, states)
+    assert not setup.edges.check_edge(start, bent)
+    assert not setup.edges.check_edge(end, bent)
+    assert setup.scene.asked > asked
 
 
 def test_an_edge_that_stays_put_is_a_state(make_setup):
