@@ -180,7 +180,7 @@ def open_session(folder: Path, case: Case, planner: str, limit: float) -> Planni
         goal = f"tip_position_m = {[float(1e-3 * value) for value in case.goal]}"
     length = 1e-3 * SEGMENT * case.segments
     path = folder / "scenario.toml"
-    trained = not os.environ.get("REF") and case.segments == TRAINED_SEGMENTS
+    trained = case.segments == TRAINED_SEGMENTS
     path.write_text(
         SCENARIO.format(
             robot=ROOT / "models/robots/borescope.toml" if trained else write_robot(folder, case.segments),
