@@ -9,9 +9,9 @@ offset: two plates 30 mm apart with holes of twice the robot offset by 6 mm.
 tube: a straight push into a tube with room for the required clearance and 0.05 mm.
 impossible: holes too small, goals inside of walls, bends too tight; right is an end within 5 s that is not verified.
 
-The robot is models/robots/borescope.toml with its learned model; with its segments repeated or left out the reference is
-the shape model, since no model is trained for these. Times are CPU seconds of this process for plan and verify: what else runs on the
-machine hardly moves them. The clearance asked for is a tenth of the room.
+The robot is models/robots/borescope.toml with its learned model; with its segments repeated or left out the reference
+is the shape model, since no model is trained for these. Times are CPU seconds of this process for plan and verify: what
+else runs on the machine hardly moves them. The clearance asked for is a tenth of the room.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ class SplitCells(NamedTuple):
     """The cells of a field that have been split, for compiled code, which adds to them.
 
     Attributes:
-        places: For each node of the field the place of the cell above it in `nearest`, -1 where it is whole, shape (n,).
+        places: Place in `nearest` of the cell above each node of the field, -1 where it is whole, shape (n,).
         nearest: Place in tree order of the triangle nearest to each node of a split cell, z fastest, shape
             (MOST_SPLIT, NODES).
         used: How many cells have been split, shape (1,).
@@ -115,7 +115,7 @@ def _from_triangles(wall, side, facing, nearest, index, row, column, x, y, z):  
     best, found, last = np.inf, -1, -1
     for corner in range(8):
         triangle = nearest[index + (corner >> 2) * row + ((corner >> 1) & 1) * column + (corner & 1)]
-        if triangle == last or triangle == found:
+        if triangle in (last, found):
             continue
         last = triangle
         square = triangle_square_distance(x, y, z, wall.corners[triangle])
@@ -155,7 +155,7 @@ def _square_slope(field, index, fx, fy, fz):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _in_grid(field, wall, side, split, fine, sided, x, y, z):  # type: ignore[no-untyped-def]
-    """Returns the interpolated distance of a point inside of the grid, where `fine` that from a split cell's triangles."""
+    """Returns a point's distance inside of the grid: interpolated, or where `fine` from a split cell's triangles."""
     h = field.spacing
     ny, nz = field.shape[1], field.shape[2]
     ux, uy, uz = (x - field.origin[0]) / h, (y - field.origin[1]) / h, (z - field.origin[2]) / h
