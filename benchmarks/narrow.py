@@ -9,9 +9,9 @@ offset: two plates 30 mm apart with holes of twice the robot offset by 6 mm.
 tube: a straight push into a tube with room for the required clearance and 0.05 mm.
 impossible: holes too small, goals inside of walls, bends too tight; right is an end within 5 s that is not verified.
 
-The robot is models/robots/borescope.toml, its segments repeated or left out; the reference is the shape model, since no
-model is trained for all of these. Times are CPU seconds of this process for plan and verify: what else runs on the
-machine hardly moves them. The clearance asked for is a tenth of the room.
+The robot is models/robots/borescope.toml with its learned model; with its segments repeated or left out the reference
+is the shape model, since no model is trained for these. Times are CPU seconds of this process for plan and verify: what
+else runs on the machine hardly moves them. The clearance asked for is a tenth of the room.
 """
 
 from __future__ import annotations
@@ -41,12 +41,13 @@ from tdcr_planner.session import PlanningSession, PlanStatus
 ROOT = Path(__file__).resolve().parents[1]
 DIAMETER = 3.0  # of the robot, mm
 SEGMENT = 50.0  # its length, mm
+TRAINED_SEGMENTS = 2  # of the robot that has a learned model
 GRAVITY = {"none": (0.0, 0.0, 0.0), "across": (0.0, 0.0, -9.81), "along": (9.81, 0.0, 0.0)}
 ENDED_WITHIN_S = 5.0
 
 SCENARIO = """format = "tdcr-scenario/1"
 robot = "{robot}"
-gravity_m_s2 = {gravity}
+{model}gravity_m_s2 = {gravity}
 [[meshes]]
 file = "{mesh}"
 unit = "mm"
@@ -65,7 +66,7 @@ name = "{planner}"
 time_limit_s = {limit}
 step_m = 0.0005
 clearance_m = {clearance}
-validity = "reference"
+validity = "{validity}"
 """
 
 
@@ -179,9 +180,12 @@ def open_session(folder: Path, case: Case, planner: str, limit: float) -> Planni
         goal = f"tip_position_m = {[float(1e-3 * value) for value in case.goal]}"
     length = 1e-3 * SEGMENT * case.segments
     path = folder / "scenario.toml"
+    trained = case.segments == TRAINED_SEGMENTS
     path.write_text(
         SCENARIO.format(
-            robot=write_robot(folder, case.segments),
+            robot=ROOT / "models/robots/borescope.toml" if trained else write_robot(folder, case.segments),
+            model=f'shape_model = "{ROOT / "models/shape/borescope/model.pt"}"\n' if trained else "",
+            validity="learned" if trained else "reference",
             gravity=list(GRAVITY[case.gravity]),
             mesh=mesh,
             role=case.role,

@@ -25,7 +25,8 @@ RIM = 8  # points of a rim
 SPLIT = 3  # parts of a cell's edge
 NODES = (SPLIT + 1) ** 3
 NEAR = 1.0  # distance from the walls, in cells, up to which cells are split
-KINK = 0.7  # squared slope below which a cell is split: a distance has slope 1 but for kinks
+NEAR_GRID = 4.0  # distance from the box that holds all walls, in cells, up to which its faces' cells are split
+KINK = 0.9  # squared slope below which a cell is split: a distance has slope 1 but for kinks
 SPACING = 0.6  # of balls along a sleeve, in its radii: 5 % of the radius is what they miss between them at most
 MOST_SPLIT = 16_384  # cells of one field; more than that stay whole
 
@@ -34,14 +35,15 @@ class SplitCells(NamedTuple):
     """The cells of a field that have been split, for compiled code, which adds to them.
 
     Attributes:
-        places: For each node of the field the place of the cell above it in `values`, -1 where it is whole, shape (n,).
-        values: Signed distances at the nodes of each split cell, z fastest, shape (MOST_SPLIT, NODES), m.
+        places: Place in `nearest` of the cell above each node of the field, -1 where it is whole, shape (n,).
+        nearest: Place in tree order of the triangle nearest to each node of a split cell, z fastest, shape
+            (MOST_SPLIT, NODES).
         used: How many cells have been split, shape (1,).
         facing: 1 where the triangles' normals point to the right side, -1 where away from it, 0 without sides.
     """
 
     places: NDArray[np.int32]
-    values: NDArray[np.float32]
+    nearest: NDArray[np.int32]
     used: IntArray
     facing: float
 
@@ -49,9 +51,9 @@ class SplitCells(NamedTuple):
 def make_split_cells(field: Field, wall: TriangleTree, side: Side) -> SplitCells:
     """Returns the split cells of a field, none so far."""
     places = np.full(len(field.values), -1, dtype=np.int32)
-    values = np.empty((MOST_SPLIT, NODES), dtype=np.float32)
+    nearest = np.empty((MOST_SPLIT, NODES), dtype=np.int32)
     facing = float(_facing(field, wall, side)) if field.rules[0] == 1 else 0.0
-    return SplitCells(places, values, np.zeros(1, dtype=np.int64), facing)
+    return SplitCells(places, nearest, np.zeros(1, dtype=np.int64), facing)
 
 
 @njit(cache=True, nogil=True)
@@ -84,12 +86,8 @@ def _facing(field, wall, side):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _split(field, wall, side, facing, x, y, z, values):  # type: ignore[no-untyped-def]
-    """Writes the signed distances at the nodes of the cell whose lower corner is a node of the field, at x, y, z.
-
-    The nearest triangle says the side, which is right but for walls that meet at less than 90 degrees: good enough for
-    a guide, and far cheaper than a winding number.
-    """
+def _split(field, wall, x, y, z, nearest):  # type: ignore[no-untyped-def]
+    """Writes the triangle nearest to each node of the cell whose lower corner is a node of the field, at x, y, z."""
     h = field.spacing / SPLIT
     count = SPLIT + 1
     triangle = -1
@@ -100,12 +98,32 @@ def _split(field, wall, side, facing, x, y, z, values):  # type: ignore[no-untyp
         bound = np.inf
         if triangle >= 0:
             bound = math.sqrt(triangle_square_distance(px, py, pz, wall.corners[triangle])) * (1.0 + 1e-12)
-        square, found = nearest_triangle(wall, px, py, pz, bound)
+        _, found = nearest_triangle(wall, px, py, pz, bound)
         if found >= 0:
             triangle = found
-        distance = math.sqrt(square)
-        wrong = facing * _normal_side(wall.corners[triangle], px, py, pz) < 0.0
-        values[place] = -distance if wrong and entry_depth(side, px, py, pz) > 0.0 else distance
+        nearest[place] = triangle
+
+
+@njit(cache=True, nogil=True)
+def _from_triangles(wall, side, facing, nearest, index, row, column, x, y, z):  # type: ignore[no-untyped-def]
+    """Returns a point's distance from the triangles that are nearest to eight nodes about it, negative behind them.
+
+    Unlike a value between the nodes it errs by next to nothing in the middle between walls. The nearest triangle says
+    the side, which is right but for walls that meet at less than 90 degrees: good enough for a guide, and far cheaper
+    than a winding number.
+    """
+    best, found, last = np.inf, -1, -1
+    for corner in range(8):
+        triangle = nearest[index + (corner >> 2) * row + ((corner >> 1) & 1) * column + (corner & 1)]
+        if triangle in (last, found):
+            continue
+        last = triangle
+        square = triangle_square_distance(x, y, z, wall.corners[triangle])
+        if square < best:
+            best, found = square, triangle
+    wrong = facing * _normal_side(wall.corners[found], x, y, z) < 0.0
+    distance = math.sqrt(best)
+    return -distance if wrong and entry_depth(side, x, y, z) > 0.0 else distance
 
 
 @njit(cache=True, nogil=True)
@@ -136,32 +154,15 @@ def _square_slope(field, index, fx, fy, fz):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def signed_at(field, wall, side, split, fine, x, y, z):  # type: ignore[no-untyped-def]
-    """Returns a point's interpolated distance from the walls, m, negative on the wrong side where the field knows it.
-
-    Inside of the grid it is trilinear between the nodes, where `fine` between those of a split cell if one is called
-    for. Outside of it the distance from the box that holds all walls is added; behind a cavity's entry plane there is
-    no wrong side.
-    """
+def _in_grid(field, wall, side, split, fine, sided, x, y, z):  # type: ignore[no-untyped-def]
+    """Returns a point's distance inside of the grid: interpolated, or where `fine` from a split cell's triangles."""
     h = field.spacing
-    sided = field.rules[2] == 0 or front(field, x, y, z) > 0.0
+    ny, nz = field.shape[1], field.shape[2]
     ux, uy, uz = (x - field.origin[0]) / h, (y - field.origin[1]) / h, (z - field.origin[2]) / h
-    nx, ny, nz = field.shape[0], field.shape[1], field.shape[2]
-    beyond = 0.0
-    if not (0.0 <= ux < nx - 1 and 0.0 <= uy < ny - 1 and 0.0 <= uz < nz - 1):
-        cx = min(max(x, field.lower[0]), field.upper[0])
-        cy = min(max(y, field.lower[1]), field.upper[1])
-        cz = min(max(z, field.lower[2]), field.upper[2])
-        beyond = math.sqrt((x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2)
-        ux, uy, uz = (cx - field.origin[0]) / h, (cy - field.origin[1]) / h, (cz - field.origin[2]) / h
     ix, iy, iz = int(ux), int(uy), int(uz)
     fx, fy, fz = ux - ix, uy - iy, uz - iz
     index = (ix * ny + iy) * nz + iz
     value = _between_nodes(field.values, index, ny * nz, nz, fx, fy, fz, sided)
-    if beyond > 0.0:
-        if field.rules[1] == 1 and sided:
-            return -abs(value) - beyond
-        return math.sqrt(value * value + beyond * beyond)
     if not fine or (abs(value) > NEAR * h and (value < 0.0 or _square_slope(field, index, fx, fy, fz) > KINK)):
         return value
     if split.places[index] < 0:
@@ -169,18 +170,43 @@ def signed_at(field, wall, side, split, fine, x, y, z):  # type: ignore[no-untyp
             return value
         place = split.used[0]
         _split(
-            field, wall, side, split.facing, field.origin[0] + ix * h, field.origin[1] + iy * h,
-            field.origin[2] + iz * h, split.values[place],
+            field, wall, field.origin[0] + ix * h, field.origin[1] + iy * h, field.origin[2] + iz * h,
+            split.nearest[place],
         )  # fmt: skip
         split.places[index] = place
         split.used[0] = place + 1
-    ux, uy, uz = SPLIT * fx, SPLIT * fy, SPLIT * fz
-    ix, iy, iz = min(int(ux), SPLIT - 1), min(int(uy), SPLIT - 1), min(int(uz), SPLIT - 1)
+    ix, iy, iz = min(int(SPLIT * fx), SPLIT - 1), min(int(SPLIT * fy), SPLIT - 1), min(int(SPLIT * fz), SPLIT - 1)
     count = SPLIT + 1
-    values = split.values[split.places[index]]
-    return _between_nodes(
-        values, (ix * count + iy) * count + iz, count * count, count, ux - ix, uy - iy, uz - iz, sided
-    )
+    return _from_triangles(
+        wall, side, split.facing, split.nearest[split.places[index]], (ix * count + iy) * count + iz, count * count,
+        count, x, y, z,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def signed_at(field, wall, side, split, fine, x, y, z):  # type: ignore[no-untyped-def]
+    """Returns a point's interpolated distance from the walls, m, negative on the wrong side where the field knows it.
+
+    Inside of the grid it is trilinear between the nodes; where `fine`, and a split cell is called for, it is the
+    distance from the triangles nearest to the cell's nodes. Outside of it the distance from the box that holds all
+    walls is added; behind a cavity's entry plane there is no wrong side. A point that is not finite has no room.
+    """
+    h = field.spacing
+    sided = field.rules[2] == 0 or front(field, x, y, z) > 0.0
+    ux, uy, uz = (x - field.origin[0]) / h, (y - field.origin[1]) / h, (z - field.origin[2]) / h
+    nx, ny, nz = field.shape[0], field.shape[1], field.shape[2]
+    if 0.0 <= ux < nx - 1 and 0.0 <= uy < ny - 1 and 0.0 <= uz < nz - 1:
+        return _in_grid(field, wall, side, split, fine, sided, x, y, z)
+    if not math.isfinite(x + y + z):
+        return -math.inf
+    cx = min(max(x, field.lower[0]), field.upper[0])
+    cy = min(max(y, field.lower[1]), field.upper[1])
+    cz = min(max(z, field.lower[2]), field.upper[2])
+    beyond = math.sqrt((x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2)
+    value = _in_grid(field, wall, side, split, fine and beyond < NEAR_GRID * h, sided, cx, cy, cz)
+    if field.rules[1] == 1 and sided:
+        return -abs(value) - beyond
+    return math.sqrt(value * value + beyond * beyond)
 
 
 @njit(cache=True, nogil=True)

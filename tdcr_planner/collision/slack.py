@@ -253,6 +253,8 @@ def _slacks_suffice(field, wall, side, body, part, required, positions, rotation
         if exact[here, part]:
             continue
         bound = max(0.5 * need, need - slack[there, part]) if attempt == 0 else need - slack[there, part]
+        # The sum of a rounded difference and its part may fall short of the whole by one unit in the last place.
+        bound += 1e-9 * need
         found = exact_slack(field, wall, side, body, part, required, positions[here], rotations[here], bound)
         slack[here, part] = max(slack[here, part], found)
         exact[here, part] = found < bound

@@ -112,6 +112,9 @@ class Relaxation:
         """Returns residuals (n, k + q), least rooms (n,), and k, how many of the residuals are the goal's."""
         self.evaluated += len(rows)
         positions, rotations, solved = self.checker.world_poses(rows)
+        if not solved.all():
+            # A row without a shape has no poses: what stands there may be any number.
+            positions[~solved], rotations[~solved] = np.nan, np.nan
         rooms = self.checker.scene.part_rooms(positions, rotations, self.wanted)  # type: ignore[attr-defined]
         deficits = (self.wanted - rooms) / self._unit
         parts = [deficits]

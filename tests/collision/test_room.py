@@ -32,9 +32,7 @@ def straight(scene, x=0.0, count=1):
 @pytest.mark.parametrize("x", [0.0, 0.0003, 0.0006, 0.0008])
 def test_room_of_a_body_in_a_hole_is_the_gap(plate, x):
     rooms = plate.part_rooms(*straight(plate, x), 0.01)[0]
-    # Cells of a third of the field's spacing: a kink on the axis is cut off by at most that much.
-    spacing = plate._fields[0].spacing / 3.0
-    assert rooms.min() == pytest.approx(HOLE - 0.0015 - x, abs=max(0.5 * spacing, 5e-5))
+    assert rooms.min() == pytest.approx(HOLE - 0.0015 - x, abs=5e-5)
 
 
 def test_room_falls_below_zero_in_a_wall_and_grows_with_depth(plate):
@@ -81,3 +79,15 @@ def test_distance_of_a_point_is_signed(plate):
     assert plate.nearest_mesh([0.0, 0.0, 0.0])[0] == pytest.approx(HOLE, rel=2e-3)
     empty = CollisionScene([], plate.body)
     assert empty.nearest_mesh([0.0, 0.0, 0.0]) == (np.inf, "")
+
+
+def test_room_in_a_hole_is_right_at_every_depth_and_a_pose_that_is_no_number_has_none(plate):
+    positions, rotations = straight(plate, count=200)
+    positions[:, :, 2] += np.linspace(-0.05, 0.05, 200)[:, None]
+    through = np.abs(np.linspace(-0.05, 0.05, 200)) < 0.04
+    rooms = plate.part_rooms(positions, rotations, 0.01).min(axis=1)
+    np.testing.assert_allclose(rooms[through], HOLE - 0.0015, atol=1e-4)
+    positions[0], rotations[1] = np.nan, np.nan
+    rooms = plate.part_rooms(positions, rotations, 0.01).min(axis=1)
+    assert (rooms[:2] == -np.inf).all()
+    assert np.isfinite(rooms[2:]).all()

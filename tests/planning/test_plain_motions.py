@@ -3,6 +3,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import pytest
 
 from tdcr_planner.planning.plain_motions import PlainMotions, straightest
 
@@ -46,3 +47,10 @@ def test_the_straightest_shape_without_loads_is_unbent_and_keeps_insertion_and_r
     setup = make_setup(base=BASE)
     row = np.array([1.0, -0.5, 0.04, 0.3])
     np.testing.assert_array_equal(straightest(setup.checker, row), [0.0, 0.0, 0.04, 0.3])
+
+
+@pytest.mark.parametrize("begin", [0.0797, 0.0803, 0.0809])
+def test_a_straight_pull_out_of_a_hole_is_shown_to_be_free_however_little_room_it_leaves(port, begin):
+    setup = port(3.45)
+    inside, outside = np.array([[0.0, 0.0, 0.0, 0.0, begin], [0.0, 0.0, 0.0, 0.0, 0.0]])
+    assert setup.edges.check_edge(inside, outside)

@@ -83,12 +83,11 @@ def test_touching_start_names_what_touches(reference_setup):
 def test_suite_holds_every_feasible_scenario_in_three_difficulties():
     suite = load_suite(SCENES / "benchmark.toml")
     files = {name: load_scenario(SCENES / name).file for name in NAMES}
-    # The suite compares learned models, which the scenarios that ask the reference do not have.
     feasible = {name for name, file in files.items() if file.expected_status == "verified" and file.shape_model}
     assert {entry.file for entry in suite.file.scenarios} == feasible
     assert len(feasible) >= 24
     assert suite.difficulties == ("easy", "medium", "hard")
-    for scene in ("duct", "airway", "blades"):
+    for scene in ("duct", "airway", "blades", "port"):
         levels = {entry.difficulty for entry in suite.file.scenarios if entry.file.startswith(f"{scene}/")}
         assert levels == {"easy", "medium", "hard"}
 
