@@ -34,6 +34,9 @@ from fuzz_kinds import KINDS, Kind, prepare
 
 from tdcr_planner.cli.main import run
 
+# A fork leaves the threads of torch behind, and what waits for them waits for ever. Torch is not loaded yet.
+os.environ["OMP_NUM_THREADS"] = "1"
+
 LIMIT_S = 60.0
 MEMORY_BYTES = 8 * 2**30
 
