@@ -29,13 +29,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import torch
 from fuzz_inputs import REFUSED, SAME
 from fuzz_kinds import KINDS, Kind, prepare
 
 from tdcr_planner.cli.main import run
-
-# A fork leaves the threads of torch behind, and what waits for them waits for ever. Torch is not loaded yet.
-os.environ["OMP_NUM_THREADS"] = "1"
 
 LIMIT_S = 60.0
 MEMORY_BYTES = 8 * 2**30
@@ -141,6 +139,8 @@ def fuzz(inputs: int, seed: int, kinds: list[Kind], folder: Path, told: Callable
     base = folder / "base"
     base.mkdir()
     # The first run on a machine compiles.
+    # A fork leaves torch's threads behind, and what waits for them waits for ever.
+    torch.set_num_threads(1)
     made = in_child(base, lambda: prepare(base), limit_s=10.0 * LIMIT_S)
     if made.code != 0:
         raise SystemExit(f"the whole files could not be made: {made.err}")
