@@ -111,6 +111,18 @@ class _RoadmapUse(FileModel):
     unfit: str = ""
 
 
+class _RetractionUse(FileModel):
+    """How far states were pulled back out of a narrow place."""
+
+    model_config = ConfigDict(extra="allow")
+
+    states: Count
+    steps: Count
+    out: bool
+    from_insertion_m: float | None = None
+    to_insertion_m: float | None = None
+
+
 class _Planner(FileModel):
     """What the search says of itself; planners of one's own may say more."""
 
@@ -123,6 +135,9 @@ class _Planner(FileModel):
     states_checked: Count = 0
     edges_checked: Count = 0
     rejected: dict[str, Count] = {}
+    answered_by: str = ""
+    goal_states: Count = 0
+    retraction: _RetractionUse | None = None
     roadmap: _RoadmapUse | None = None
 
 
