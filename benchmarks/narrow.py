@@ -37,6 +37,7 @@ import trimesh
 
 from tdcr_planner.planning.scenario import load_scenario
 from tdcr_planner.session import PlanningSession, PlanStatus
+from tdcr_planner.shape.learned import load_shape_model
 
 ROOT = Path(__file__).resolve().parents[1]
 DIAMETER = 3.0  # of the robot, mm
@@ -137,9 +138,10 @@ def offset(make: ModuleType, _: bool) -> Iterator[Case]:
 
 
 def tube(make: ModuleType, _: bool) -> Iterator[Case]:
-    """Yields a straight push into a tube that leaves 0.05 mm beyond the required clearance."""
+    """Yields a straight push into a tube that leaves 0.05 mm beyond what is required: clearance and error bound."""
     clearance = 0.2
-    width = 1.0 + 2.0 * (clearance + 0.05) / DIAMETER
+    bound = 1e3 * float(load_shape_model(ROOT / "models/shape/borescope/model.pt").error_bound.max())
+    width = 1.0 + 2.0 * (clearance + bound + 0.05) / DIAMETER
     yield Case("tube", "push", width, make.make_pipe(width * DIAMETER, 120.0), "cavity", 90.0, clearance)
 
 
@@ -233,6 +235,7 @@ def plot(rows: list[tuple[Case, str, float, float]], folder: Path) -> None:
     below.set_yscale("log")
     below.set_xlabel("width of the place / diameter of the robot")
     above.legend()
+    folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "narrow.png", dpi=120)
 
 
