@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 if TYPE_CHECKING:
-    from tdcr_planner.session import PlanResult
+    from tdcr_planner.query.result import PlanResult
 
 
 def plan(
@@ -53,8 +53,9 @@ def plan(
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
     # Seconds to import: what is wrong with the arguments is said before.
+    from tdcr_planner.query.result import PlanStatus
+    from tdcr_planner.query.session import PlanningSession
     from tdcr_planner.report.results import RESULT_FILES, draw_result, write_result_data
-    from tdcr_planner.session import PlanningSession, PlanStatus
 
     check_folder(out, RESULT_FILES)
     tell_cost("time_limit_s", query.planner.time_limit_s)

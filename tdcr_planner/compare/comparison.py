@@ -26,7 +26,7 @@ from tdcr_planner.compare.verdicts import (
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.planning.scenario import Scenario, Validity
 from tdcr_planner.planning.validity import CAUSES
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.workers import ALLOWED_LOSSES, Outcome, WorkersError, run_jobs
 
 # Fixed, so that the batches, and with them the last digits of the network's answers, do not depend on the workers.

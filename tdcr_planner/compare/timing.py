@@ -12,7 +12,7 @@ import numpy as np
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.scenario import Validity
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.query.session import PlanningSession
 
 TIMED_MODELS: tuple[Validity, ...] = ("learned", "constant_curvature", "reference")
 _ROUNDS = 5

@@ -15,7 +15,7 @@ from tdcr_planner.limits import at_most
 from tdcr_planner.planning.scenario import Scenario, Validity
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import Codes, Shapes, ValidityChecker
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.query.session import PlanningSession
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from tdcr_planner.files import (
 from tdcr_planner.limits import snap
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
+from tdcr_planner.shape.registry import SHAPE_MODELS
 
 # A range of insertion this many times as long as the robot was most likely given in millimetres.
 LONGEST_TRAVEL = 20.0
@@ -55,7 +56,18 @@ def _check_rows(value: Any) -> Any:
 
 
 Bending = Annotated[tuple[tuple[Load, Load], ...], BeforeValidator(_check_rows)]
-Validity = Literal["learned", "reference", "constant_curvature"]
+
+
+def _check_validity(name: str) -> str:
+    try:
+        return SHAPE_MODELS.check_name(name)
+    except UnknownNameError as error:
+        *names, last = (repr(known) for known in SHAPE_MODELS.names())
+        raise ValueError(f"expected {', '.join(names)} or {last}, got {error.got}") from error
+
+
+Validity = Annotated[str, AfterValidator(_check_validity)]
+"""Name of a shape model that is registered."""
 
 
 def _check_direction(direction: Vector3 | None) -> Vector3 | None:
@@ -195,15 +207,15 @@ class PlannerSettings(FileModel):
     """How to search.
 
     Attributes:
-        name: Planner by its OMPL name.
+        name: Planner by its name in `planning.planners`.
         time_limit_s: Time for search, verification and repair together.
         seed: Seed of the search, above 0.
         step_m: No point of the body moves farther between two checked states; in a scenario that does not state it, a
             fifth of the robot's smallest disk radius.
         clearance_m: Distance kept from every surface on top of the model's error bound; in a scenario that does not
             state it, a twentieth of the robot's smallest disk radius.
-        validity: The shape model that the search asks.
-        parameters: The planner's own OMPL parameters by name.
+        validity: The shape model that the search asks, by its name in `shape.registry`.
+        parameters: The planner's own parameters by name.
         objective: What an optimising planner minimises.
     """
 
@@ -256,8 +268,9 @@ class ScenarioFile(FileModel):
             raise ValueError("expected either one [goal] or a list of [[goals]]")
         if self.goals is not None and not self.goals:
             raise ValueError("goals: expected one or more, got none")
-        if self.planner.validity == "learned" and self.shape_model is None:
-            raise ValueError("shape_model: missing, and planner.validity = 'learned' needs it")
+        validity = self.planner.validity
+        if self.shape_model is None and SHAPE_MODELS.find(validity).needs_file:
+            raise ValueError(f"shape_model: missing, and planner.validity = {validity!r} needs it")
         return self
 
 

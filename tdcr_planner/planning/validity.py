@@ -115,7 +115,7 @@ class ValidityChecker:
         self._tables = actuation_tables(space, ROUNDING * self.robot.max_tensions)
         self._limits = RobotLimits(self.robot)
         self._always_in_domain = self._domain_holds_everywhere()
-        self._disk_poses = getattr(model, "disk_poses_unchecked", None) or _checked_poses(model)
+        self._disk_poses = model.disk_poses_unchecked
 
     def check(self, rows: FloatArray) -> Codes:
         """Returns a code a row: 0 for valid, else that of the `Cause` (its place in `CAUSES` plus 1).
@@ -254,11 +254,11 @@ class ValidityChecker:
     def _domain_holds_everywhere(self) -> bool:
         """Returns whether every row within the tension limits is inside the model's domain, told once.
 
-        The domain of a model with a card is a box of tensions from 0 and a ball for each load. Roll turns the loads
-        and keeps their size, so the corner of largest tensions, under the loads as they are, stands for all rows. Rows
-        beyond the tension limits are rejected before.
+        Where the domain is a box of tensions from 0 and a ball for each load, the corner of largest tensions, under
+        the loads as they are, stands for all rows: roll turns the loads and keeps their size. Rows beyond the tension
+        limits are rejected before.
         """
-        if not hasattr(self.model, "card"):
+        if not self.model.domain_is_box:
             return False
         *_, gravity, tip_force = self.space.world
         corner = self.robot.max_tensions[None]
@@ -276,14 +276,7 @@ class ValidityChecker:
         disks = self.robot.disk_count
         shapes = Shapes(codes, np.full((len(codes), disks, 3), np.nan), np.full((len(codes), disks, 3, 3), np.nan))
         if len(alive):
-            part = Actuation(
-                actuation.tensions[alive],
-                actuation.gravity[alive],
-                actuation.tip_force[alive],
-                actuation.base_positions[alive],
-                actuation.base_rotations[alive],
-            )
-            posed = self._pose_all(part, np.zeros(len(alive), dtype=np.int8))
+            posed = self._pose_all(actuation.take(alive), np.zeros(len(alive), dtype=np.int8))
             shapes.codes[alive] = posed.codes
             shapes.positions[alive] = posed.positions
             shapes.rotations[alive] = posed.rotations
@@ -418,10 +411,3 @@ def sample_within_tensions(checker: ValidityChecker, count: int, generator: np.r
 def rejections(counts: dict[Cause, int] | Iterable[tuple[Cause, int]]) -> dict[str, int]:
     """Returns the counts by cause as plain names, without the zeros."""
     return {cause.value: count for cause, count in dict(counts).items() if count}
-
-
-def _checked_poses(model: ShapeModel) -> Any:
-    def disk_poses(tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> Any:
-        return model.disk_poses(tensions, gravity=gravity, tip_force=tip_force)
-
-    return disk_poses

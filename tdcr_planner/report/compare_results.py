@@ -17,13 +17,13 @@ from tdcr_planner.compare.verdicts import MODELS, REFERENCE_VERDICTS, VARIANTS, 
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import FileModel, parse_table, read_json, write_folder_whole
 from tdcr_planner.planning.validity import CAUSES
+from tdcr_planner.query.result import library_versions
 from tdcr_planner.rates import quantiles, ratio_at_least
 from tdcr_planner.report.compare_plots import compare_drawings
 from tdcr_planner.report.disagreement import disagreement_drawings
 from tdcr_planner.report.drawing import draw_pictures
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.tables import Row, write_csv
-from tdcr_planner.session import library_versions
 
 COMPARE_FORMAT = "tdcr-compare/1"
 

@@ -18,6 +18,7 @@ from tdcr_planner.collision.body import RobotBody
 from tdcr_planner.collision.scene import Contact
 from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Validity
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.report import plots
 from tdcr_planner.report.body_mesh import part_mesh, shaft_mesh, sleeve_mesh
 from tdcr_planner.report.live_scene import Controls, LiveScene, Look, describe
@@ -34,7 +35,6 @@ from tdcr_planner.report.scene_guides import AXIS_COLOURS, GRAVITY_COLOUR, base_
 from tdcr_planner.report.tendon_style import tendon_colour
 from tdcr_planner.report.text import SHORT, page_text, plain_text
 from tdcr_planner.report.viewpoint import choose_camera
-from tdcr_planner.session import PlanningSession
 
 NEAR = "#E69F00"
 _GHOSTS: dict[Validity, str] = {"learned": plots.LEARNED, "reference": plots.MUTED, "constant_curvature": "#E69F00"}

@@ -41,6 +41,7 @@ class LearnedShape(ShapeModel):
     marker = "o"
     needs_file = True
     domain_is_box = True
+    sha256: str
 
     def __init__(self, path: Path, content: ModelFile, robot: RobotSpec | None) -> None:
         """Prepares a model; use `load_shape_model`."""

@@ -18,8 +18,8 @@ from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.scenario import Goal, Scenario, load_scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.session import PlanningSession
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 
 
