@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import tyro
 
@@ -17,7 +17,7 @@ def plan(
     out: Path,
     seed: int | None = None,
     planner: str | None = None,
-    validity: Literal["learned", "reference", "constant_curvature"] | None = None,
+    validity: str | None = None,
     time_limit_s: float | None = None,
     roadmap: Path | None = None,
     progress: bool = True,
@@ -35,8 +35,9 @@ def plan(
         scenario: Scenario file.
         out: Folder for the result.
         seed: Seed of the search, in place of the scenario's.
-        planner: OMPL planner, in place of the scenario's.
-        validity: Shape model that the search asks, in place of the scenario's.
+        planner: Planner, in place of the scenario's: one of OMPL's or of an installed package, or module:function.
+        validity: Shape model that the search asks, in place of the scenario's: learned, reference,
+            constant_curvature or one of an installed package.
         time_limit_s: Time for search, verification and repair in seconds, in place of the scenario's.
         roadmap: Roadmap of the scene that `tdcr roadmap` wrote, asked before the planner.
         progress: Draw a progress bar while planning.

@@ -73,7 +73,7 @@ def check_planner_name(name: str) -> None:
         module, _, function = name.partition(":")
         if not all(part.isidentifier() for part in [*module.split("."), function]):
             raise InputError("planner", "module:function, such as my_planners:search", repr(name))
-    elif name not in PLANNERS.names():
+    elif name not in OMPL_TRAITS and name not in PLANNERS.names():
         reason = f" (OMPL has {name}, but {REFUSED[name]})" if name in REFUSED else ""
         raise UnknownNameError("planner.name", name, PLANNERS.names(), reason)
 

@@ -35,9 +35,9 @@ from tdcr_planner.report.scene_guides import AXIS_COLOURS, GRAVITY_COLOUR, base_
 from tdcr_planner.report.tendon_style import tendon_colour
 from tdcr_planner.report.text import SHORT, page_text, plain_text
 from tdcr_planner.report.viewpoint import choose_camera
+from tdcr_planner.shape.registry import SHAPE_MODELS
 
 NEAR = "#E69F00"
-_GHOSTS: dict[Validity, str] = {"learned": plots.LEARNED, "reference": plots.MUTED, "constant_curvature": "#E69F00"}
 # Darker than in the other pictures: viser lights a scene brightly, and what is pale turns white.
 _WALLS = {"cavity": ((62, 92, 122), 0.38), "obstacle": ((112, 92, 66), 0.55)}
 _BACKGROUND = (214, 221, 229)
@@ -357,7 +357,7 @@ class LiveViewer:
                 continue
             line = backbone_curve(positions, rotations, robot.arc_lengths)
             mesh = merge_meshes([disk_mesh(robot, positions, rotations), tube_mesh(line, robot.backbone.radius_m)])
-            self._put(node, mesh, _GHOSTS[name], opacity=0.45)
+            self._put(node, mesh, SHAPE_MODELS.find(name).colour, opacity=0.45)
             apart = 1e3 * float(np.linalg.norm(positions[-1] - look.positions[-1]))
             if np.isfinite(apart):
                 lines.append(f"tip of the {_words(name)} shape {_length(apart)} away")

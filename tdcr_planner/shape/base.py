@@ -46,10 +46,11 @@ class ShapeModel(ABC):
 
     Attributes:
         name: What scenario and suite files call it.
-        title: What pictures and tables call it.
+        title: What pictures and tables call it; its name where it is empty.
         colour: Its colour in pictures, "#rrggbb".
         marker: Its marker in plots, as matplotlib names it.
         needs_file: Whether it is loaded from the file that the scenario names as its shape_model.
+        has_error_bound: Whether it states a bound on its error, so that verdicts with and without it differ.
         is_fast: Whether thousands of shapes in a call cost little; goal states are sampled more sparsely without it.
         domain_is_box: Whether its domain is a box of tensions from 0 and a ball for each load, so that the largest
             tensions stand for all.
@@ -64,12 +65,18 @@ class ShapeModel(ABC):
     colour: ClassVar[str] = "#6E6E6E"
     marker: ClassVar[str] = "^"
     needs_file: ClassVar[bool] = False
+    has_error_bound: ClassVar[bool] = False
     is_fast: ClassVar[bool] = True
     domain_is_box: ClassVar[bool] = False
 
     robot: RobotSpec
     error_bound: FloatArray
     sha256: str | None = None
+
+    @classmethod
+    def label(cls) -> str:
+        """Returns what pictures and tables call the model."""
+        return cls.title or cls.name.replace("_", " ")
 
     @classmethod
     @abstractmethod

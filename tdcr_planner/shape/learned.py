@@ -36,10 +36,11 @@ class LearnedShape(ShapeModel):
     """
 
     name = "learned"
-    title = "learned, with its error bound"
+    title = "learned"
     colour = "#0072B2"
     marker = "o"
     needs_file = True
+    has_error_bound = True
     domain_is_box = True
     sha256: str
 

@@ -85,7 +85,7 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
     ({"base": {"insertion_m": [0.1, 0.0]}}, "base.insertion_m: expected a range [low, high] with low below high"),
     ({"base": {"quaternion_wxyz": [0.0, 0, 0, 0]}}, "base.quaternion_wxyz: expected a quaternion of length above 0"),
     ({"planner": {"validity": "learned"}}, "shape_model: missing, and planner.validity = 'learned' needs it"),
-    ({"planner": {"validity": "magic"}}, "planner.validity: input should be 'learned', 'reference'"),
+    ({"planner": {"validity": "magic"}}, "planner.validity: expected 'learned', 'reference'"),
     ({"planner": {"step_m": 0.0}}, "planner.step_m"),
     ({"planner": {"seed": 0}}, "planner.seed"),
     ({"shape_model": "none.pt"}, "shape_model: no such file"),
