@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, fi
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.bounds import ANGLE_DEG, LOAD, PLACE_M, SEARCH_SEED, TIME_S
+from tdcr_planner.collision.roles import MESH_ROLES
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
 from tdcr_planner.files import (
     FileModel,
@@ -58,12 +60,19 @@ def _check_rows(value: Any) -> Any:
 Bending = Annotated[tuple[tuple[Load, Load], ...], BeforeValidator(_check_rows)]
 
 
+def _check_one_of(name: str, known: Iterable[str]) -> str:
+    names = [repr(item) for item in known]
+    if repr(name) not in names:
+        raise ValueError(f"expected {', '.join(names[:-1])} or {names[-1]}, got {name!r}")
+    return name
+
+
 def _check_validity(name: str) -> str:
-    try:
-        return SHAPE_MODELS.check_name(name)
-    except UnknownNameError as error:
-        *names, last = (repr(known) for known in SHAPE_MODELS.names())
-        raise ValueError(f"expected {', '.join(names)} or {last}, got {error.got}") from error
+    return _check_one_of(name, SHAPE_MODELS.names())
+
+
+def _check_role(name: str) -> str:
+    return _check_one_of(name, MESH_ROLES)
 
 
 Validity = Annotated[str, AfterValidator(_check_validity)]
@@ -91,19 +100,20 @@ class MeshEntry(FileModel):
     Attributes:
         file: Path of the mesh, relative to the scenario file.
         unit: The mesh file's unit of length.
-        role: "cavity": the body stays inside; "obstacle": it stays outside of a closed mesh and off an open one.
+        role: Name in `MESH_ROLES`. "cavity": the body stays inside; "obstacle": it stays outside of a closed mesh and
+            off an open one.
         entry: For a cavity, the plane behind which the body may be outside; None for the base plane at insertion 0.
     """
 
     file: Annotated[str, Field(min_length=1)]
     unit: Literal["m", "cm", "mm", "in"]
-    role: Literal["cavity", "obstacle"]
+    role: Annotated[str, AfterValidator(_check_role)]
     entry: Entry | None = None
 
     @model_validator(mode="after")
     def _check_entry(self) -> MeshEntry:
-        if self.entry is not None and self.role != "cavity":
-            raise ValueError("entry belongs to a mesh of role 'cavity', this one is an 'obstacle'")
+        if self.entry is not None and not MESH_ROLES[self.role].keeps_inside:
+            raise ValueError(f"entry belongs to a mesh of role 'cavity', this one is an {self.role!r}")
         return self
 
 

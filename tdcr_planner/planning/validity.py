@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.collision.scene import Verdict
 from tdcr_planner.limits import ROUNDING, at_most
 from tdcr_planner.planning.kernels import actuate, actuation_tables, gap_curvatures, to_world
 from tdcr_planner.planning.reasons import contact_reason
@@ -24,7 +25,7 @@ Codes = NDArray[np.int8]
 
 
 class Cause(StrEnum):
-    """Why a configuration or an edge is rejected. The first four stand in the order of the scene's verdict codes."""
+    """Why a configuration or an edge is rejected."""
 
     OBSTACLE = "obstacle"
     CAVITY = "cavity"
@@ -44,15 +45,30 @@ class Cause(StrEnum):
         return _CODES[self]
 
 
-CAUSES = tuple(Cause)
-_CODES = {cause: index + 1 for index, cause in enumerate(CAUSES)}
+_VERDICTS = {
+    Cause.OBSTACLE: Verdict.OBSTACLE,
+    Cause.CAVITY: Verdict.CAVITY,
+    Cause.SELF_COLLISION: Verdict.SELF,
+    Cause.NOT_FINITE: Verdict.UNDEFINED,
+}
+_OTHERS = [cause for cause in Cause if cause not in _VERDICTS]
+# The scene's verdicts keep their codes; the causes that it does not know follow them.
+_CODES = {cause: int(verdict) for cause, verdict in _VERDICTS.items()} | {
+    cause: max(Verdict) + number for number, cause in enumerate(_OTHERS, start=1)
+}
+CAUSES = tuple(sorted(_CODES, key=lambda cause: _CODES[cause]))
+"""The causes in the order of their codes, of which the first is 1."""
 
 
 class Scene(Protocol):
     """What the search asks of a collision scene; see `tdcr_planner.collision.scene.CollisionScene`."""
 
     def check(self, positions: FloatArray, rotations: FloatArray) -> Any:
-        """Returns a verdict code a state, shape (n,): 0 free, else the place of a `Cause` plus 1."""
+        """Returns a verdict code a state, shape (n,): 0 free, else the code of a `Cause`."""
+        ...
+
+    def find_hit(self, positions: FloatArray, rotations: FloatArray) -> tuple[int, int]:
+        """Returns the first state that is not free, of n in order, and its verdict code; -1 and 0 where all are."""
         ...
 
     def first_contact(self, positions: FloatArray, rotations: FloatArray) -> Any:
@@ -118,7 +134,7 @@ class ValidityChecker:
         self._disk_poses = model.disk_poses_unchecked
 
     def check(self, rows: FloatArray) -> Codes:
-        """Returns a code a row: 0 for valid, else that of the `Cause` (its place in `CAUSES` plus 1).
+        """Returns a code a row: 0 for valid, else that of the `Cause`.
 
         Args:
             rows: Configurations, shape (n, dimension).

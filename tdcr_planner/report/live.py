@@ -15,6 +15,7 @@ from matplotlib.colors import to_rgb
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.collision.body import RobotBody
+from tdcr_planner.collision.roles import find_role
 from tdcr_planner.collision.scene import Contact
 from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Validity
@@ -38,8 +39,6 @@ from tdcr_planner.report.viewpoint import choose_camera
 from tdcr_planner.shape.registry import SHAPE_MODELS
 
 NEAR = "#E69F00"
-# Darker than in the other pictures: viser lights a scene brightly, and what is pale turns white.
-_WALLS = {"cavity": ((62, 92, 122), 0.38), "obstacle": ((112, 92, 66), 0.55)}
 _BACKGROUND = (214, 221, 229)
 _NOTE_PX = 196
 LARGEST_PORT = 65535
@@ -260,13 +259,13 @@ class LiveViewer:
         view = self._server.initial_camera
         view.up, view.look_at, view.position = camera.rotation[1], centre, centre + 0.75 * height * camera.rotation[2]
         for number, mesh in enumerate(picture.meshes):
-            colour, opacity = _WALLS[mesh.role]
+            wall = find_role(mesh.role).wall
             self._server.scene.add_mesh_simple(
                 f"/scene/{number}",
                 mesh.vertices.astype(np.float32),
                 mesh.faces.astype(np.uint32),
-                color=colour,
-                opacity=opacity,
+                color=_rgb(wall.live),
+                opacity=wall.live_opacity,
                 side="double",
             )
         self._draw_guides(picture)

@@ -34,7 +34,7 @@ class DisplayMesh:
 
     Attributes:
         name: What the file is called.
-        role: "cavity" or "obstacle".
+        role: Name in `MESH_ROLES`.
         vertices: Shape (v, 3), m, world frame.
         faces: Shape (f, 3).
     """

@@ -2,11 +2,20 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 
 from tdcr_planner.cli.main import run
+from tdcr_planner.collision.roles import CAVITY, MESH_ROLES
+from tdcr_planner.planning.scenario import load_scenario
+from tdcr_planner.query.result import PlanStatus
+from tdcr_planner.query.session import plan
+from tdcr_planner.report.picture import gather_picture
+from tdcr_planner.report.scene_figure import build_figure
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = '''
@@ -142,3 +151,17 @@ def test_a_package_that_cannot_be_imported_is_named_and_all_else_works(tdcr, sce
     options = ("--planner", "RRTConnect", "--validity", "constant_curvature")
     code, out, err = tdcr("plan", scenario_file, *options, "--out", tmp_path / "out", "--no-progress")
     assert code == 0, out + err
+
+
+def test_a_role_of_meshes_is_one_entry_of_their_table(scenario_file, monkeypatch, tmp_path):
+    lumen = replace(CAVITY, name="lumen", wall=replace(CAVITY.wall, shades=("#113355", "#AACCEE")))
+    monkeypatch.setitem(MESH_ROLES, "lumen", lumen)
+    text = scenario_file.read_text().replace('"obstacle"', '"lumen"').replace("stiff_arcs", "constant_curvature")
+    scenario_file.write_text(text.replace("StraightLine", "RRTConnect"))
+    trimesh.creation.box((400.0, 400.0, 900.0)).export(tmp_path / "box.stl")
+    result = plan(load_scenario(scenario_file), seed=1)
+    assert result.status is PlanStatus.VERIFIED
+    # The body keeps off the walls that it is inside of.
+    assert 0.0 < result.verification.worst["clearance_m"] < 0.2
+    figure = build_figure(gather_picture(result), np.array([0]))
+    assert "box.stl (lumen)" in [trace["name"] for trace in figure["data"] if "name" in trace]

@@ -58,7 +58,7 @@ def test_base_frame(make_scenario: Make) -> None:
 mesh = {"file": "box.stl", "unit": "mm", "role": "obstacle"}
 FAULTS: list[tuple[dict[str, Any], str]] = [
     ({"meshes": [{"file": "box.stl", "role": "obstacle"}]}, "meshes[1].unit: missing, and it is required"),
-    ({"meshes": [mesh | {"role": "wall"}]}, "meshes[1].role: input should be 'cavity' or 'obstacle', got 'wall'"),
+    ({"meshes": [mesh | {"role": "wall"}]}, "meshes[1].role: expected 'cavity' or 'obstacle', got 'wall'"),
     ({"meshes": [mesh | {"unit": "km"}]}, "meshes[1].unit: input should be 'm', 'cm', 'mm' or 'in', got 'km'"),
     ({"meshes": [mesh | {"file": "none.stl"}]}, "meshes[1].file: no such file"),
     (
