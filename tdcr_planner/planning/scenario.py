@@ -368,6 +368,10 @@ def load_scenario(path: str | Path) -> Scenario:
     """
     file = real_path(path)
     content = parse_table(ScenarioFile, read_toml(path), path)
+    if ":" in content.planner.name:
+        # Importing a module runs it: who opens a scenario has not asked for that.
+        problem = f"expected a planner's name, got {content.planner.name!r}: module:function goes on the command line"
+        raise FormatError(path, problem, "planner.name")
     robot = load_robot(find_named_file(file.parent / content.robot, path, "robot"))
     scenario = Scenario(file, sha256_of_file(file), _sized_for(robot, content), robot)
     _check_against_robot(scenario)
