@@ -2,8 +2,8 @@
 
     python benchmarks/same_results.py OTHER [--only statics shapes paths] [--scenarios NAME ...]
 
-OTHER is another checkout of this project. Each part runs in a process of its own in either checkout, writes its numbers,
-and the numbers are compared: statics and learned shapes to 1e-12 m, and for every scenario under scenes/, seed 1, the
+OTHER is another checkout of this project. Each part runs in a process of its own in either checkout and writes its
+numbers, which are compared: statics and learned shapes to 1e-12 m, and for every scenario under scenes/, seed 1, the
 status, the bending, the tensions, the tip and the verdict to 1e-9. The exit code is 1 where something differs.
 
 Planners that improve a path until the time is over, and queries that the time limit ends, depend on the machine; their

@@ -20,9 +20,7 @@ from tdcr_planner.shape.learned import LearnedShape, load_shape_model
 from tdcr_planner.statics.solver import solve_statics
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ("paper", "inspection", "two_segment")
-# Median and 99th percentile of the position error, mm, and median rotation error, degrees, that a shipped model keeps.
-TARGETS = {"paper": (0.01, 0.3, 0.01), "inspection": (0.05, 0.3, 0.03), "two_segment": (0.1, 0.6, 0.06)}
+NAMES = ("paper", "inspection", "two_segment", "borescope")
 
 
 @pytest.fixture(scope="module", params=NAMES)
@@ -62,10 +60,11 @@ def test_keeps_its_promises_on_unseen_cases(model):
     assert ok.mean() > 0.99
     distance = np.linalg.norm(poses.positions - reference.positions, axis=2)[ok]
     angle = rotation_distance(poses.rotations[ok], reference.rotations[ok])
-    median, high, turned = TARGETS[model.card.robot.name]
-    assert 1e3 * np.median(distance[:, 1:]) < median
-    assert 1e3 * np.quantile(distance[:, 1:], 0.99) < high
-    assert np.degrees(np.median(angle[:, 1:])) < turned
+    # Three times what the card states, disk by disk: other cases than the card's, and fewer of them.
+    stated = next(accuracy for accuracy in model.card.accuracy if accuracy.sample == "uniform")
+    assert (1e3 * np.median(distance, axis=0) <= 3.0 * np.array(stated.position_median_mm)).all()
+    assert (1e3 * np.quantile(distance, 0.99, axis=0) <= 3.0 * np.array(stated.position_p99_mm)).all()
+    assert (np.degrees(np.median(angle, axis=0)) <= 3.0 * np.array(stated.rotation_median_deg) + 1e-6).all()
     body = distance + model.robot.disk_radii * 2.0 * np.sin(0.5 * angle)
     outside = (body > model.error_bound).any(axis=1).sum()
     # alpha = 0.001: 1.5 cases are expected, more than 8 have a probability below 1e-4 (binomial).
@@ -80,8 +79,9 @@ def test_torchscript_and_compiled_path_agree(model):
     fast = model.disk_poses(cases[0], gravity=cases[1], tip_force=cases[2])
     with torch.inference_mode():
         positions, rotations = model.torch_module(*(torch.as_tensor(array) for array in cases))
-    np.testing.assert_allclose(fast.positions, positions.numpy(), atol=1e-5)
-    np.testing.assert_allclose(fast.rotations, rotations.numpy(), atol=1e-4)
+    # Single precision in the network; the Newton step shrinks what it rounds away.
+    np.testing.assert_allclose(fast.positions, positions.numpy(), rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(fast.rotations, rotations.numpy(), rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("count", [2, 8, 13])
@@ -106,7 +106,7 @@ def test_boundary_conditions_and_rotations_hold_by_construction(model):
 def test_shape_at_any_arc_length(model):
     tensions, gravity, tip_force = uniform_cases(model, 5, 5)
     disks = model.disk_poses(tensions, gravity=gravity, tip_force=tip_force)
-    fine = np.linspace(0.0, model.robot.length, 1001)
+    fine = np.linspace(0.0, model.robot.length, 1201)
     anywhere = model.poses_at(fine, tensions, gravity=gravity, tip_force=tip_force)
     at_disks = np.searchsorted(fine, model.robot.arc_lengths - 1e-12)
     # Finer stops are finer steps of a fourth-order integrator.
