@@ -234,7 +234,9 @@ def _draw(scenario: Scenario, tolerances: Tolerances, generator: np.random.Gener
     position = scenario.base_position + tolerances.base_position_m * generator.standard_normal(3)
     tilt = Rotation.from_rotvec(np.deg2rad(tolerances.base_angle_deg) * generator.standard_normal(3))
     x, y, z, w = (Rotation.from_matrix(scenario.base_rotation) * tilt).as_quat()
-    moved = base.model_copy(update={"position_m": tuple(position), "quaternion_wxyz": (w, x, y, z), "look_along": None, "up": None})
+    moved = base.model_copy(
+        update={"position_m": tuple(position), "quaternion_wxyz": (w, x, y, z), "look_along": None, "up": None}
+    )
     file = scenario.file.model_copy(update={"base": moved})
     robot = _with_limits_times(scenario.robot.scaled(stiffness=stiffness, mass=mass), max(float(gains.max()), 1.0))
     return _DrawnRobot(replace(scenario, file=file, robot=robot), gains)

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.bounds import PLACE_M
@@ -110,16 +110,17 @@ class MeshEntry(SurfaceEntry):
     """
 
     table: ClassVar[str] = "meshes"
-    unit: Literal["m", "cm", "mm", "in"] | None = None
+    unit: Annotated[Literal["m", "cm", "mm", "in"] | None, Field(validate_default=True)] = None
 
-    @model_validator(mode="after")
-    def _check_unit(self) -> MeshEntry:
-        states_unit = self.file.lower().endswith((".step", ".stp", ".iges", ".igs"))
-        if self.unit is None and not states_unit:
-            raise ValueError("unit: missing, and it is required; valid: m, cm, mm, in")
-        if self.unit is not None and states_unit:
-            raise ValueError("unit: expected none, because the file states its own; leave it out")
-        return self
+    @field_validator("unit")
+    @classmethod
+    def _check_unit(cls, unit: str | None, info: ValidationInfo) -> str | None:
+        states_unit = str(info.data.get("file", "")).lower().endswith((".step", ".stp", ".iges", ".igs"))
+        if unit is None and not states_unit:
+            raise ValueError("missing, and it is required; valid: m, cm, mm, in")
+        if unit is not None and states_unit:
+            raise ValueError("expected none, because the file states its own; leave it out")
+        return unit
 
     def sha256(self, path: Path) -> str:
         """Returns the SHA-256 of the file and of those that it names."""

@@ -115,7 +115,7 @@ class Picture:
     @property
     def required_clearance(self) -> float:
         """Clearance that the scenario asks for, m."""
-        return self.scenario.planner.clearance_m
+        return self.scenario.required_clearance
 
     @property
     def known(self) -> BoolArray:

@@ -111,8 +111,6 @@ def _without_crumbs(path: Path, inside: BoolArray, grid: VolumeGrid, least: floa
     from scipy import ndimage
 
     pieces, count = ndimage.label(inside, structure=np.ones((3, 3, 3)))
-    if count == 1:
-        return inside
     sizes = np.bincount(pieces.ravel())[1:] * grid.voxel_volume
     kept = sizes >= least
     if not kept.any():
