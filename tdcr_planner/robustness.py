@@ -174,7 +174,7 @@ def assess_robustness(
     return Robustness(
         tolerances=tolerances,
         seed=seed,
-        asked=result.scenario.planner.clearance_m,
+        asked=result.scenario.required_clearance,
         times=result.path.times,
         nominal=assessment.nominal_clearance,
         spread=spreads[0],
@@ -212,7 +212,7 @@ class _Assessment:
 
     def _verifier(self, space: ConfigurationSpace) -> Verifier:
         settings = self._query.planner
-        return Verifier(space, self._scene, step=settings.step_m, clearance=settings.clearance_m)
+        return Verifier(space, self._scene, step=settings.step_m, clearance=self._query.required_clearance)
 
     def states(self, drawn: ConfigurationSpace) -> tuple[FloatArray, FloatArray]:
         """Returns clearance and tip shift of the path's states, shape (k,) each, m; NaN without a stable shape."""
@@ -236,7 +236,9 @@ def _draw(scenario: Scenario, tolerances: Tolerances, generator: np.random.Gener
     position = scenario.base_position + tolerances.base_position_m * generator.standard_normal(3)
     tilt = Rotation.from_rotvec(np.deg2rad(tolerances.base_angle_deg) * generator.standard_normal(3))
     x, y, z, w = (Rotation.from_matrix(scenario.base_rotation) * tilt).as_quat()
-    moved = base.model_copy(update={"position_m": tuple(position), "quaternion_wxyz": (w, x, y, z)})
+    moved = base.model_copy(
+        update={"position_m": tuple(position), "quaternion_wxyz": (w, x, y, z), "look_along": None, "up": None}
+    )
     file = scenario.file.model_copy(update={"base": moved})
     robot = _with_limits_times(scenario.robot.scaled(stiffness=stiffness, mass=mass), max(float(gains.max()), 1.0))
     return _DrawnRobot(replace(scenario, file=file, robot=robot), gains)

@@ -10,6 +10,7 @@ from tdcr_planner.cli.info import info
 from tdcr_planner.cli.plan import plan
 from tdcr_planner.cli.roadmap import roadmap
 from tdcr_planner.cli.robustness import robustness
+from tdcr_planner.cli.scene import scene
 from tdcr_planner.cli.solve import solve
 from tdcr_planner.cli.sweep import sweep
 from tdcr_planner.cli.train import train
@@ -22,6 +23,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "roadmap": roadmap,
     "robustness": robustness,
     "view": view,
+    "scene": scene,
     "compare": compare,
     "sweep": sweep,
     "solve": solve,

@@ -97,7 +97,7 @@ def _describe_scenario(scenario: Scenario) -> str:
     lines = [f"scenario {file.title or scenario.path.name!r} for robot {scenario.robot.name!r}"]
     if file.shape_model is not None:
         lines.append(f"shape model {file.shape_model}")
-    lines += [f"mesh {mesh.file} in {mesh.unit} as {mesh.role}" for mesh in file.meshes]
+    lines += [surface.describe() for surface in file.surfaces]
     lines.append("gravity ({:g}, {:g}, {:g}) m/s^2, ".format(*scenario.gravity) + _describe_force(scenario))
     if file.base.insertion_m is not None:
         lines.append("insertion {:g} to {:g} mm".format(*(1e3 * value for value in file.base.insertion_m)))

@@ -76,6 +76,13 @@ def plan(
     return 0 if result.status is PlanStatus.VERIFIED else 1
 
 
+def _required_clearance(result: PlanResult) -> str:
+    """Returns the clearance that the scenario asks for and what is kept on top of it, as text."""
+    scenario = result.scenario
+    surface = f" + {1e3 * scenario.surface_error:.2f} for the surfaces" if scenario.surface_error > 0.0 else ""
+    return f"asked {1e3 * scenario.planner.clearance_m:.2f}{surface}"
+
+
 def describe(result: PlanResult) -> str:
     """Returns a planning result as a few lines for a terminal."""
     lines = [f"status:    {result.status.value}"]
@@ -87,7 +94,7 @@ def describe(result: PlanResult) -> str:
             f"path:      {len(result.path)} states, tip travels {1e3 * result.path.tip_travel:.0f} mm "
             f"in {result.path.times[-1]:.1f} s, {result.repairs} repairs",
             f"reference: least clearance {1e3 * worst['clearance_m']:.2f} mm "
-            f"(asked {1e3 * result.scenario.planner.clearance_m:.2f}), "
+            f"({_required_clearance(result)}), "
             f"largest model deviation {1e3 * worst['deviation_m']:.2g} mm, "
             f"largest residual {worst['residual_nm']:.1e} N m",
         ]

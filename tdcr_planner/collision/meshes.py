@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray, check_array
-from tdcr_planner.collision.mesh_files.registry import read_mesh_file
+from tdcr_planner.collision.mesh_files.registry import find_format, read_mesh_file
 from tdcr_planner.collision.mesh_files.source import RawMesh
 from tdcr_planner.collision.roles import MeshRole, find_role
 from tdcr_planner.collision.topology import Loop, Surface, analyse, clean_mesh, fan_cap
@@ -97,6 +97,7 @@ class SceneMesh:
         role: str,
         entry_point: ArrayLike | None = None,
         entry_normal: ArrayLike | None = None,
+        source: Path | None = None,
     ) -> SceneMesh:
         """Returns a mesh in its role, from arrays.
 
@@ -107,12 +108,13 @@ class SceneMesh:
             role: Name in `MESH_ROLES`, such as "cavity" or "obstacle".
             entry_point: Shape (3,), m, a point of a cavity's entry plane; None for no entry.
             entry_normal: Shape (3,), direction into the cavity, any length above 0.
+            source: The file that the mesh was made from, for messages; None where there is none.
 
         Raises:
             InputError: An argument is not what it should be.
             FormatError: The mesh cannot serve in its role; the message says where its holes are.
         """
-        return _build_mesh(name, vertices, faces, role, entry_point, entry_normal, None)
+        return _build_mesh(name, vertices, faces, role, entry_point, entry_normal, source)
 
     @property
     def keeps_inside(self) -> bool:
@@ -167,7 +169,7 @@ class SceneMesh:
 
 def load_scene_mesh(
     path: str | Path,
-    unit: str,
+    unit: str | None,
     role: str,
     entry_point: ArrayLike | None = None,
     entry_normal: ArrayLike | None = None,
@@ -176,8 +178,8 @@ def load_scene_mesh(
     """Returns the mesh in a file.
 
     Args:
-        path: The mesh file: STL, OBJ, PLY, OFF, glTF or 3MF.
-        unit: The file's unit of length: m, cm, mm or in.
+        path: The mesh file: STL, OBJ, PLY, OFF, glTF, 3MF, STEP or IGES.
+        unit: The file's unit of length: m, cm, mm or in; None for a format that states its own (STEP, IGES).
         role: "cavity" or "obstacle".
         entry_point: Shape (3,), m, world frame, a point of a cavity's entry plane; None for no entry.
         entry_normal: Shape (3,), direction into the cavity.
@@ -189,6 +191,7 @@ def load_scene_mesh(
     """
     file = Path(path)
     raw = _read(file, unit)
+    unit = unit or "m"
     if raw.unit is not None and _DECLARED_UNITS.get(raw.unit, unit) != unit:
         logger.warning("%s: declares lengths in %s and is read in %r; is that the right unit?", path, raw.unit, unit)
     _warn_of_rounding(file, raw.vertices)
@@ -197,23 +200,26 @@ def load_scene_mesh(
     return replace(mesh, unit=unit)
 
 
-def read_triangles(path: str | Path, unit: str) -> tuple[FloatArray, IntArray]:
+def read_triangles(path: str | Path, unit: str | None) -> tuple[FloatArray, IntArray]:
     """Returns the vertices, shape (v, 3), m, and faces, shape (f, 3), that a mesh file holds, as they stand in it.
 
     Args:
-        path: The mesh file: STL, OBJ, PLY, OFF, glTF or 3MF.
-        unit: The file's unit of length: m, cm, mm or in.
+        path: The mesh file: STL, OBJ, PLY, OFF, glTF, 3MF, STEP or IGES.
+        unit: The file's unit of length: m, cm, mm or in; None for a format that states its own (STEP, IGES).
 
     Raises:
         InputError: Unknown unit.
         FormatError: The file is missing, or it is not understood whole.
     """
     raw = _read(Path(path), unit)
-    return raw.vertices * METRES_PER_UNIT[unit], raw.faces
+    return raw.vertices * METRES_PER_UNIT[unit or "m"], raw.faces
 
 
-def _read(file: Path, unit: str) -> RawMesh:
-    if unit not in METRES_PER_UNIT:
+def _read(file: Path, unit: str | None) -> RawMesh:
+    if find_format(file).in_metres:
+        if unit not in (None, "m"):
+            raise InputError("unit", "None for a file that states its own unit", repr(unit))
+    elif unit not in METRES_PER_UNIT:
         raise UnknownNameError("unit", str(unit), METRES_PER_UNIT, " for the mesh file's unit of length")
     return read_mesh_file(file)
 

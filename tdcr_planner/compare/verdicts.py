@@ -39,8 +39,9 @@ class Variant:
 
     def margins(self, scenario: Scenario, error_bound: FloatArray) -> FloatArray:
         """Returns the distance each disk must keep, shape (d,), m; the clearance asked for is always part of it."""
-        settings = scenario.planner
-        return np.asarray(settings.clearance_m + (error_bound if self.with_bound else np.zeros_like(error_bound)))
+        return np.asarray(
+            scenario.required_clearance + (error_bound if self.with_bound else np.zeros_like(error_bound))
+        )
 
 
 @cache
@@ -158,7 +159,7 @@ def judge(session: PlanningSession, rows: FloatArray, models: tuple[Validity, ..
     solved = states.converged & states.stable
     reference = np.zeros(len(rows), dtype=np.int8)
     reference[~accepted] = REFERENCE_VERDICTS.index("limits")
-    close = ~(states.clearance >= session.scenario.planner.clearance_m)
+    close = ~(states.clearance >= session.scenario.required_clearance)
     reference[close & ~accepted] = REFERENCE_VERDICTS.index("clearance")
     reference[~solved] = REFERENCE_VERDICTS.index("no_shape")
     free = np.flatnonzero(reference == 0)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,7 +11,6 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, fi
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.bounds import ANGLE_DEG, LOAD, PLACE_M, SEARCH_SEED, TIME_S
-from tdcr_planner.collision.roles import MESH_ROLES
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
 from tdcr_planner.files import (
     FileModel,
@@ -26,6 +24,15 @@ from tdcr_planner.files import (
     sha256_of_file,
 )
 from tdcr_planner.limits import snap
+from tdcr_planner.planning.surfaces import (
+    CloudEntry,
+    MeshEntry,
+    SurfaceEntry,
+    VolumeEntry,
+    check_direction,
+    check_one_of,
+    place_names,
+)
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
 from tdcr_planner.shape.registry import SHAPE_MODELS
@@ -60,61 +67,12 @@ def _check_rows(value: Any) -> Any:
 Bending = Annotated[tuple[tuple[Load, Load], ...], BeforeValidator(_check_rows)]
 
 
-def _check_one_of(name: str, known: Iterable[str]) -> str:
-    names = [repr(item) for item in known]
-    if repr(name) not in names:
-        raise ValueError(f"expected {', '.join(names[:-1])} or {names[-1]}, got {name!r}")
-    return name
-
-
 def _check_validity(name: str) -> str:
-    return _check_one_of(name, SHAPE_MODELS.names())
-
-
-def _check_role(name: str) -> str:
-    return _check_one_of(name, MESH_ROLES)
+    return check_one_of(name, SHAPE_MODELS.names())
 
 
 Validity = Annotated[str, AfterValidator(_check_validity)]
 """Name of a shape model that is registered."""
-
-
-def _check_direction(direction: Vector3 | None) -> Vector3 | None:
-    if direction is not None and np.linalg.norm(direction) < 1e-9:
-        raise ValueError(f"expected a direction of length above 0, got {list(direction)}")
-    return direction
-
-
-class Entry(FileModel):
-    """The plane through which the body enters a cavity: point_m and normal (pointing in), world frame."""
-
-    point_m: Point
-    normal: Vector3
-
-    _check_normal = field_validator("normal")(_check_direction)
-
-
-class MeshEntry(FileModel):
-    """A mesh of the scene.
-
-    Attributes:
-        file: Path of the mesh, relative to the scenario file.
-        unit: The mesh file's unit of length.
-        role: Name in `MESH_ROLES`. "cavity": the body stays inside; "obstacle": it stays outside of a closed mesh and
-            off an open one.
-        entry: For a cavity, the plane behind which the body may be outside; None for the base plane at insertion 0.
-    """
-
-    file: Annotated[str, Field(min_length=1)]
-    unit: Literal["m", "cm", "mm", "in"]
-    role: Annotated[str, AfterValidator(_check_role)]
-    entry: Entry | None = None
-
-    @model_validator(mode="after")
-    def _check_entry(self) -> MeshEntry:
-        if self.entry is not None and not MESH_ROLES[self.role].keeps_inside:
-            raise ValueError(f"entry belongs to a mesh of role 'cavity', this one is an {self.role!r}")
-        return self
 
 
 class Base(FileModel):
@@ -122,7 +80,10 @@ class Base(FileModel):
 
     Attributes:
         position_m: Origin of the base frame at insertion 0, world frame.
-        quaternion_wxyz: world_from_base rotation at roll 0.
+        quaternion_wxyz: world_from_base rotation at roll 0; (1, 0, 0, 0) where neither it nor look_along is given.
+        look_along: In place of the quaternion: direction of the base z axis, world frame.
+        up: With look_along: direction of the base x axis, world frame, as near as it can be; where it is left out, the
+            axis of the world that is farthest from look_along, z before y before x.
         insertion_m: Range of travel along the base z axis, or None for a fixed base.
         roll_deg: Range of rotation about the base z axis, or None for none.
         shaft_radius_m: Radius of the straight shaft that follows the base as it is inserted; None to leave it out of
@@ -131,6 +92,8 @@ class Base(FileModel):
 
     position_m: Point = (0.0, 0.0, 0.0)
     quaternion_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    look_along: Vector3 | None = None
+    up: Vector3 | None = None
     insertion_m: tuple[Place, Place] | None = None
     roll_deg: tuple[Angle, Angle] | None = None
     shaft_radius_m: Length | None = None
@@ -142,6 +105,39 @@ class Base(FileModel):
             raise ValueError(f"expected a quaternion of length above 0, got {list(value)}")
         return value
 
+    _check_look = field_validator("look_along", "up")(check_direction)
+
+    @model_validator(mode="after")
+    def _check_orientation(self) -> Base:
+        if self.look_along is None:
+            if self.up is not None:
+                raise ValueError("up needs look_along, the direction of the base z axis")
+            return self
+        if "quaternion_wxyz" in self.model_fields_set:
+            raise ValueError("expected either quaternion_wxyz or look_along, got both")
+        if self.up is not None:
+            along, up = (np.asarray(v) / np.linalg.norm(v) for v in (self.look_along, self.up))
+            if np.linalg.norm(np.cross(along, up)) < 1e-6:
+                raise ValueError(f"up must not point along look_along, got {list(self.up)} and {list(self.look_along)}")
+        return self
+
+    def facts(self) -> dict[str, Any]:
+        """Returns what the table says, as JSON has it, without look_along and up where they are not given."""
+        left_out = {key for key in ("look_along", "up") if getattr(self, key) is None}
+        return self.model_dump(mode="json", exclude=left_out)
+
+    @property
+    def rotation(self) -> FloatArray:
+        """world_from_base at roll 0, shape (3, 3)."""
+        if self.look_along is None:
+            return rotation_from_quaternion(self.quaternion_wxyz)
+        z = np.asarray(self.look_along) / np.linalg.norm(self.look_along)
+        # Of equally far axes the last is taken: z before y before x.
+        up = np.eye(3)[2 - int(np.argmin(np.round(np.abs(z[::-1]), 9)))] if self.up is None else np.asarray(self.up)
+        x = up - (up @ z) * z
+        x /= np.linalg.norm(x)
+        return np.stack([x, np.cross(z, x), z], axis=1)
+
     @field_validator("insertion_m", "roll_deg")
     @classmethod
     def _check_range(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
@@ -151,9 +147,13 @@ class Base(FileModel):
 
 
 class Start(FileModel):
-    """The configuration in which the robot starts: bending_n a row a segment, insertion_m, roll_deg."""
+    """The configuration in which the robot starts: bending_n a row a segment, insertion_m, roll_deg.
 
-    bending_n: Bending
+    Without bending_n all bending vectors are zero: the robot is straight but for its loads and rest curvature. In a
+    scenario file the word "straight" in place of the table says the same, at insertion and roll 0.
+    """
+
+    bending_n: Bending = ()
     insertion_m: Place = 0.0
     roll_deg: Angle = 0.0
 
@@ -179,7 +179,7 @@ class Goal(FileModel):
     view_direction: Vector3 | None = None
     view_tolerance_deg: Annotated[float, Field(gt=0.0, le=180.0)] = 10.0
 
-    _check_view = field_validator("view_direction")(_check_direction)
+    _check_view = field_validator("view_direction")(check_direction)
 
     @model_validator(mode="after")
     def _check_kind(self) -> Goal:
@@ -261,7 +261,9 @@ class ScenarioFile(FileModel):
     shape_model: str | None = None
     gravity_m_s2: Loads = (0.0, 0.0, 0.0)
     tip_force_n: Loads = (0.0, 0.0, 0.0)
-    meshes: Annotated[tuple[MeshEntry, ...], Field(min_length=1, max_length=MOST_MESHES)]
+    meshes: Annotated[tuple[MeshEntry, ...], Field(max_length=MOST_MESHES)] = ()
+    volumes: Annotated[tuple[VolumeEntry, ...], Field(max_length=MOST_MESHES)] = ()
+    clouds: Annotated[tuple[CloudEntry, ...], Field(max_length=MOST_MESHES)] = ()
     base: Base = Base()
     start: Start
     goal: Goal | None = None
@@ -271,6 +273,26 @@ class ScenarioFile(FileModel):
     limits: Limits = Limits()
     expected_status: Literal["verified", "unverified", "no_path", "invalid_start", "invalid_goal"] = "verified"
     title: str = ""
+
+    @field_validator("start", mode="before")
+    @classmethod
+    def _check_start(cls, value: Any) -> Any:
+        if isinstance(value, str):
+            if value != "straight":
+                raise ValueError(f"expected a table with bending_n, or the word 'straight', got {value!r}")
+            return {}
+        return value
+
+    @property
+    def surfaces(self) -> tuple[SurfaceEntry, ...]:
+        """Everything that the body must keep off: meshes, volumes and clouds, in this order."""
+        return (*self.meshes, *self.volumes, *self.clouds)
+
+    @model_validator(mode="after")
+    def _check_surfaces(self) -> ScenarioFile:
+        if not self.surfaces:
+            raise ValueError("meshes: missing; expected one or more of [[meshes]], [[volumes]] and [[clouds]]")
+        return self
 
     @model_validator(mode="after")
     def _check_goals(self) -> ScenarioFile:
@@ -293,17 +315,32 @@ class Scenario:
         sha256: Hash of its bytes.
         file: Its content.
         robot: The robot that it names.
+        surface_error: Largest distance of a surface as it is tested from the true one, m: of voxels, of a tessellated
+            solid, of points with a radius. It is added to the clearance that the scenario asks for.
     """
 
     path: Path
     sha256: str
     file: ScenarioFile
     robot: RobotSpec
+    surface_error: float = 0.0
 
     @property
     def planner(self) -> PlannerSettings:
         """How to search."""
         return self.file.planner
+
+    @property
+    def required_clearance(self) -> float:
+        """Distance that the body keeps from every surface as it is tested, m."""
+        return self.planner.clearance_m + self.surface_error
+
+    @property
+    def surfaces(self) -> list[tuple[SurfaceEntry, Path, str]]:
+        """Each surface of the scene with its file, absolute, and its key in the scenario file."""
+        entries = self.file.surfaces
+        places = place_names(entries)
+        return [(entry, self.resolve(entry.file), place) for entry, place in zip(entries, places, strict=True)]
 
     @property
     def goals(self) -> tuple[Goal, ...]:
@@ -331,7 +368,7 @@ class Scenario:
     @property
     def base_rotation(self) -> FloatArray:
         """world_from_base at roll 0, shape (3, 3)."""
-        return rotation_from_quaternion(self.file.base.quaternion_wxyz)
+        return self.file.base.rotation
 
     @property
     def shape_model_path(self) -> Path | None:
@@ -357,7 +394,7 @@ class Scenario:
                 raise UnknownNameError("planner", name, PlannerSettings.model_fields) from error
             expected = str(fault["msg"]).removeprefix("Input should be ").removeprefix("Value error, expected ")
             raise InputError(f"planner.{name}", expected.partition(", got ")[0], repr(fault["input"])) from error
-        return Scenario(self.path, self.sha256, self.file.model_copy(update={"planner": settings}), self.robot)
+        return replace(self, file=self.file.model_copy(update={"planner": settings}))
 
 
 def load_scenario(path: str | Path) -> Scenario:
@@ -375,11 +412,20 @@ def load_scenario(path: str | Path) -> Scenario:
     robot = load_robot(find_named_file(file.parent / content.robot, path, "robot"))
     scenario = Scenario(file, sha256_of_file(file), _sized_for(robot, content), robot)
     _check_against_robot(scenario)
-    for index, mesh in enumerate(content.meshes):
-        find_named_file(file.parent / mesh.file, path, f"meshes[{index + 1}].file")
+    errors = [0.0]
+    for surface, named, place in scenario.surfaces:
+        _check_named(surface, named, path, place)
+        errors.append(surface.error(named))
     if content.shape_model is not None:
         find_named_file(file.parent / content.shape_model, path, "shape_model", "; `tdcr train` makes one")
-    return scenario
+    return replace(scenario, surface_error=max(errors))
+
+
+def _check_named(surface: SurfaceEntry, named: Path, path: str | Path, place: str) -> None:
+    """Raises FormatError, naming the scenario's key, where a surface's file is missing."""
+    if not named.is_dir():
+        find_named_file(named, path, f"{place}.file")
+    surface.check_file(named)
 
 
 def _sized_for(robot: RobotSpec, content: ScenarioFile) -> ScenarioFile:
@@ -403,6 +449,9 @@ def _sized_for(robot: RobotSpec, content: ScenarioFile) -> ScenarioFile:
     return content.model_copy(
         update={
             "planner": content.planner.model_copy(update=open_lengths),
+            "start": content.start.model_copy(
+                update={"bending_n": content.start.bending_n or ((0.0, 0.0),) * robot.segment_count}
+            ),
             "goal": None if content.goal is None else sized(content.goal),
             "goals": None if content.goals is None else tuple(sized(goal) for goal in content.goals),
         }

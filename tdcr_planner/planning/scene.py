@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from tdcr_planner.collision.entrance import missed_by, obstruction
-from tdcr_planner.collision.mesh_files.registry import mesh_sha256
-from tdcr_planner.collision.meshes import SceneMesh, load_scene_mesh
+from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.roles import find_role
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import sha256_of_file, sha256_of_json
-from tdcr_planner.planning.scenario import MeshEntry, Scenario
+from tdcr_planner.planning.scenario import Scenario
+from tdcr_planner.planning.surfaces import SurfaceEntry
 
 logger = logging.getLogger(__name__)
 
@@ -24,17 +24,17 @@ _SHOWN_DIGITS = 12  # of a hash, in messages
 
 
 def load_scene_meshes(scenario: Scenario) -> list[SceneMesh]:
-    """Returns the meshes of a scenario in metres, each with its role and, for a cavity, its entry plane.
+    """Returns the surfaces of a scenario as meshes in metres, each with its role and, for a cavity, its entry plane.
 
     Raises:
         FormatError: A mesh cannot be used, or it is a cavity that the body cannot get into from its base at the start.
     """
-    files = [scenario.resolve(entry.file) for entry in scenario.file.meshes]
+    surfaces = scenario.surfaces
+    names = mesh_names([file for _, file, _ in surfaces])
     meshes = []
-    for index, (entry, file, name) in enumerate(zip(scenario.file.meshes, files, mesh_names(files), strict=True)):
-        point, normal = entry_plane(scenario, entry)
-        mesh = load_scene_mesh(file, entry.unit, entry.role, point, normal, name)
-        _check_way_in(scenario, mesh, f"meshes[{index + 1}].file")
+    for (entry, file, place), name in zip(surfaces, names, strict=True):
+        mesh = entry.load(file, name, *entry_plane(scenario, entry))
+        _check_way_in(scenario, mesh, f"{place}.file")
         meshes.append(mesh)
     return meshes
 
@@ -64,7 +64,7 @@ def _check_way_in(scenario: Scenario, mesh: SceneMesh, place: str) -> None:
         logger.warning("%s: %s: %s", scenario.path, mesh.name, missed)
 
 
-def entry_plane(scenario: Scenario, mesh: MeshEntry) -> tuple[Any, Any]:
+def entry_plane(scenario: Scenario, mesh: SurfaceEntry) -> tuple[Any, Any]:
     """Returns point and normal of the plane through which the body enters a cavity; None twice for other roles."""
     if not find_role(mesh.role).keeps_inside:
         return None, None
@@ -78,7 +78,7 @@ def scene_files(scenario: Scenario) -> dict[Path, str]:
 
     That of a mesh covers all files that its geometry lies in; see `mesh_sha256`.
     """
-    hashes = {path: mesh_sha256(path) for path in {scenario.resolve(mesh.file) for mesh in scenario.file.meshes}}
+    hashes = {path: entry.sha256(path) for path, entry in {file: entry for entry, file, _ in scenario.surfaces}.items()}
     if scenario.shape_model_path is not None:
         hashes[scenario.shape_model_path] = sha256_of_file(scenario.shape_model_path)
     return hashes
@@ -103,17 +103,16 @@ def scene_facts(scenario: Scenario, known: Mapping[Path, str] | None = None) -> 
     hashes = known or {}
 
     meshes = []
-    for mesh in scenario.file.meshes:
-        point, normal = entry_plane(scenario, mesh)
+    for surface, file, _ in scenario.surfaces:
+        point, normal = entry_plane(scenario, surface)
         entry = None if point is None else {"point_m": point.tolist(), "normal": normal.tolist()}
-        file = scenario.resolve(mesh.file)
-        digest = hashes.get(file) or mesh_sha256(file)
-        meshes.append({"sha256": digest, "unit": mesh.unit, "role": mesh.role, "entry": entry})
+        digest = hashes.get(file) or surface.sha256(file)
+        meshes.append({"sha256": digest, **surface.facts(), "entry": entry})
     model = scenario.shape_model_path
     facts = {
         "robot": {"mechanics": scenario.robot.mechanics_hash, **scenario.robot.model_dump(exclude={"name"})},
         "meshes": meshes,
-        "base": scenario.file.base.model_dump(),
+        "base": scenario.file.base.facts(),
         "gravity_m_s2": scenario.file.gravity_m_s2,
         "tip_force_n": scenario.file.tip_force_n,
         "shape_model": None if model is None else hashes.get(model) or sha256_of_file(model),

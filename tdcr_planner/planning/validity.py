@@ -67,7 +67,7 @@ def planning_margins(scenario: Scenario, model: ShapeModel) -> FloatArray:
 
     The clearance asked for and the shape model's error bound for the disk.
     """
-    return np.asarray(scenario.planner.clearance_m + model.error_bound)
+    return np.asarray(scenario.required_clearance + model.error_bound)
 
 
 class ValidityChecker:

@@ -71,7 +71,7 @@ class Attempt:
         assert self.states is not None
         self.repairs += 1
         if self.report.cause == "clearance":
-            shortfall = self.query.planner.clearance_m - float(np.nanmin(self.report.clearance))
+            shortfall = self.query.required_clearance - float(np.nanmin(self.report.clearance))
             self.extra_margin += max(shortfall, 0.0) + REPAIR_MARGIN_M
         else:
             self.ruled_out.append(self.states.rows[self.report.worst_state])

@@ -125,7 +125,7 @@ class Environment:
             self.space,
             self.scene,
             step=query.planner.step_m / refine,
-            clearance=query.planner.clearance_m,
+            clearance=query.required_clearance,
             model=self.model(query.planner.validity),
         )
 

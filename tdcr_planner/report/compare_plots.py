@@ -88,7 +88,7 @@ def draw_agreement(comparison: Comparison) -> Figure:
             verdicts.valid(variant),
             verdicts.reference_valid,
             verdicts.clearance,
-            comparison.scenario.planner.clearance_m,
+            comparison.scenario.required_clearance,
         )
         place = np.array([int(np.searchsorted(EXCESS_EDGES, part.low)) for part in bins])
         counts[place] = [part.agreement.total for part in bins]
@@ -142,7 +142,7 @@ def _plain_number(value: float, _position: int | None = None) -> str:
 
 def draw_deviation(comparison: Comparison) -> Figure:
     """Returns a figure of each state's deviation against its clearance, wrong verdicts marked, with their medians."""
-    verdicts, asked = comparison.verdicts, comparison.scenario.planner.clearance_m
+    verdicts, asked = comparison.verdicts, comparison.scenario.required_clearance
     figure = plots.new_figure(1300, 660, _DPI)
     shown = np.zeros(len(verdicts.rows), dtype=np.bool_)
     shown[:_SHOWN_DOTS] = True

@@ -186,7 +186,7 @@ def _deviations(comparison: Comparison, variant: Variant) -> dict[str, Any]:
 def _missing_clearance(comparison: Comparison, variant: Variant) -> dict[str, Any]:
     """Returns quantiles of how much clearance the false-valid states lack, m."""
     wrong = comparison.verdicts.valid(variant) & ~comparison.verdicts.reference_valid
-    return quantiles(comparison.scenario.planner.clearance_m - comparison.verdicts.clearance[wrong])
+    return quantiles(comparison.scenario.required_clearance - comparison.verdicts.clearance[wrong])
 
 
 def _bins(comparison: Comparison, variant: Variant) -> Any:
@@ -195,7 +195,7 @@ def _bins(comparison: Comparison, variant: Variant) -> Any:
         verdicts.valid(variant),
         verdicts.reference_valid,
         verdicts.clearance,
-        comparison.scenario.planner.clearance_m,
+        comparison.scenario.required_clearance,
     )
 
 

@@ -114,7 +114,7 @@ def _draw_entry(axes: Axes, picture: Picture, camera: Camera) -> str:
     """
     text = ""
     angle = np.linspace(0.0, 2.0 * np.pi, 73)
-    for mesh in picture.scenario.file.meshes:
+    for mesh in picture.scenario.file.surfaces:
         point, normal = entry_plane(picture.scenario, mesh)
         if point is None:
             continue

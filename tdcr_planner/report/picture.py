@@ -12,7 +12,6 @@ import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.body import RobotBody
-from tdcr_planner.collision.meshes import read_triangles
 from tdcr_planner.errors import FormatError
 from tdcr_planner.planning.refusals import impossible_tip, missed_entries
 from tdcr_planner.planning.scenario import Scenario
@@ -116,7 +115,7 @@ class Picture:
     @property
     def required_clearance(self) -> float:
         """Clearance that the scenario asks for, m."""
-        return self.scenario.planner.clearance_m
+        return self.scenario.required_clearance
 
     @property
     def known(self) -> BoolArray:
@@ -281,9 +280,8 @@ def load_display_meshes(scenario: Scenario) -> tuple[DisplayMesh, ...]:
         FormatError: A file cannot be read as a mesh.
     """
     meshes = []
-    for entry in scenario.file.meshes:
-        file = scenario.resolve(entry.file)
-        vertices, faces = read_triangles(file, entry.unit)
+    for entry, file, _ in scenario.surfaces:
+        vertices, faces = entry.triangles(file)
         if not len(faces) or not np.isfinite(vertices).all():
             raise FormatError(file, "holds no triangles" if not len(faces) else "holds a vertex that is not finite")
         meshes.append(DisplayMesh(file.name, entry.role, vertices, faces))

@@ -15,7 +15,6 @@ import numpy as np
 from pydantic import ConfigDict, Field, field_validator
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.collision.mesh_files.registry import mesh_sha256
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import (
     Count,
@@ -276,8 +275,8 @@ def _relative(path: Path, folder: Path) -> str:
 def _input_hashes(scenario: Scenario) -> dict[str, str]:
     """SHA-256 of the files that decide what a path means: the robot and the meshes with the files that they name."""
     hashes = {"robot": sha256_of_file(scenario.resolve(scenario.file.robot))}
-    for index, mesh in enumerate(scenario.file.meshes):
-        hashes[f"meshes[{index + 1}].file"] = mesh_sha256(scenario.resolve(mesh.file))
+    for surface, file, place in scenario.surfaces:
+        hashes[f"{place}.file"] = surface.sha256(file)
     return hashes
 
 

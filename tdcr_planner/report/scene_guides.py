@@ -36,7 +36,7 @@ def entry_disks(picture: Picture) -> list[EntryDisk]:
     """Returns the entry plane of each cavity of a scene, as large as the opening there."""
     disks = []
     angle = np.linspace(0.0, 2.0 * np.pi, _RIM_CORNERS)
-    for entry, mesh in zip(picture.scenario.file.meshes, picture.meshes, strict=False):
+    for entry, mesh in zip(picture.scenario.file.surfaces, picture.meshes, strict=False):
         point, normal = entry_plane(picture.scenario, entry)
         if point is None:
             continue

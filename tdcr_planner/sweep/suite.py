@@ -13,7 +13,6 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from tdcr_planner.bounds import JOBS, SEARCH_SEED, TIME_S
-from tdcr_planner.collision.mesh_files.registry import mesh_sha256
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.files import (
     FileModel,
@@ -195,7 +194,7 @@ def _hash(content: SuiteFile, scenarios: Iterable[Scenario]) -> str:
                 "scenario": scenario.sha256,
                 "robot": scenario.robot.model_dump(mode="json"),  # whole: its body and limits decide paths, too
                 "model": None if model is None else sha256_of_file(model),
-                "meshes": [mesh_sha256(scenario.resolve(mesh.file)) for mesh in scenario.file.meshes],
+                "meshes": [surface.sha256(file) for surface, file, _ in scenario.surfaces],
             }
         )
     return sha256_of_json({"suite": table, "inputs": inputs})

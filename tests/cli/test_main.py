@@ -154,7 +154,7 @@ def test_info_shows_a_model_as_a_table_for_a_terminal(root: Path, capsys: pytest
 def test_info_counts_the_jobs_of_a_suite(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["info", str(root / "scenes/benchmark.toml")]) == 0
     text = capsys.readouterr().out
-    assert "330 jobs" in text  # 33 scenarios, 10 seeds, one planner, one model
+    assert "370 jobs" in text  # 37 scenarios, 10 seeds, one planner, one model
     assert text.count("scenario_") == 33
     assert max(map(len, text.splitlines())) <= 80
 

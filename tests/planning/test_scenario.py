@@ -63,7 +63,7 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
     ({"meshes": [mesh | {"file": "none.stl"}]}, "meshes[1].file: no such file"),
     (
         {"meshes": [mesh | {"entry": {"point_m": [0.0, 0, 0], "normal": [0.0, 0, 1]}}]},
-        "entry belongs to a mesh of role",
+        "entry belongs to a surface of role",
     ),
     ({"robot": "nobot.toml"}, "scenario.toml: robot: no such file: /"),
     ({"base": {"insertion_m": [0, 160]}}, "base.insertion_m: a travel of 160 m is 800 times the robot's length"),
@@ -74,7 +74,7 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
     ({"start": {"bending_n": [0.4, 0.0]}}, "start.bending_n: expected a row [x, y] a segment, such as [[0.4, 0.0]]"),
     ({"gravity_m_s2": 9.81}, "gravity_m_s2: expected a list, got 9.81"),
     ({"start": 0.0}, "start: expected a table of keys, got 0.0"),
-    ({"meshes": []}, "meshes: tuple should have at least 1 item"),
+    ({"meshes": []}, "meshes: missing; expected one or more of"),
     ({"gravty": [0.0, 0.0, 0.0]}, "gravty: unknown key; did you mean 'gravity_m_s2'?"),
     ({"start": {"bending_n": [[0.0, 0.0], [0.0, 0.0]]}}, "start.bending_n: expected 1 rows, one for each segment"),
     ({"start": {"bending_n": [[0.0, 0.0]], "insertion_m": 0.1}}, "start.insertion_m: got 0.1, but [base] has no"),
@@ -108,7 +108,7 @@ def test_a_fault_inside_of_a_list_is_not_counted_against_the_list(make_scenario:
     with pytest.raises(FormatError) as caught:
         make_scenario(meshes=[{"file": "box.stl", "role": "obstacle"}])
     assert caught.value.place == "meshes[1].unit"
-    assert caught.value.problem == "missing, and it is required"
+    assert caught.value.problem == "missing, and it is required; valid: m, cm, mm, in"
 
 
 def test_a_file_of_another_format_is_named_as_what_it_is() -> None:
@@ -162,3 +162,39 @@ def test_lengths_that_a_scenario_states_stand(make_scenario: Make) -> None:
     scenario = make_scenario("two_segment", planner=planner)
     assert (scenario.planner.step_m, scenario.planner.clearance_m) == (0.003, 0.0)
     assert scenario.with_planner(seed=3).planner.step_m == 0.003
+
+
+@pytest.mark.parametrize("along", [[1.0, 0.0, 0.0], [0.0, 0.0, -2.0], [1.0, 2.0, -3.0], [0.0, 1e-3, 0.0]])
+def test_look_along_makes_a_right_handed_frame(make_scenario: Make, along: list[float]) -> None:
+    rotation = make_scenario(base={"look_along": along}).base_rotation
+    np.testing.assert_allclose(rotation[:, 2], np.array(along) / np.linalg.norm(along), atol=1e-12)
+    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-12)
+    assert np.linalg.det(rotation) > 0.0
+
+
+def test_up_is_the_base_x_axis_as_near_as_it_can_be(make_scenario: Make) -> None:
+    rotation = make_scenario(base={"look_along": [1.0, 0.0, 0.0], "up": [3.0, 0.0, 2.0]}).base_rotation
+    np.testing.assert_allclose(rotation[:, 0], [0.0, 0.0, 1.0], atol=1e-15)
+    same = make_scenario(base={"look_along": [1.0, 0.0, 0.0]}).base_rotation
+    np.testing.assert_array_equal(same, rotation)
+
+
+@pytest.mark.parametrize(
+    ("base", "message"),
+    [
+        ({"up": [0.0, 0.0, 1.0]}, "base: up needs look_along"),
+        ({"look_along": [0.0, 0.0, 0.0]}, "base.look_along: expected a direction of length above 0"),
+        ({"look_along": [1.0, 0.0, 0.0], "up": [-2.0, 0.0, 0.0]}, "base: up must not point along look_along"),
+        ({"look_along": [1.0, 0.0, 0.0], "quaternion_wxyz": [1.0, 0.0, 0.0, 0.0]}, "either quaternion_wxyz or look_al"),
+    ],
+)
+def test_an_orientation_that_cannot_be_is_named(make_scenario: Make, base: dict[str, Any], message: str) -> None:
+    with pytest.raises(FormatError, match=message):
+        make_scenario(base=base)
+
+
+def test_a_straight_start_has_a_zero_for_every_segment(make_scenario: Make) -> None:
+    assert make_scenario(start="straight").file.start.bending_n == ((0.0, 0.0),)
+    assert make_scenario(start={"insertion_m": 0.0}).file.start.bending_n == ((0.0, 0.0),)
+    with pytest.raises(FormatError, match="or the word 'straight', got 'bent'"):
+        make_scenario(start="bent")

@@ -100,6 +100,21 @@ def _read(path: Path) -> RawMesh:
     return RawMesh(vertices, _triangles(path, vertices, faces))
 
 
+def read_ply_points(path: Path) -> FloatArray:
+    """Returns the positions of a PLY file's element 'vertex', shape (n, 3); what else it holds is passed over.
+
+    Raises:
+        FormatError: The file is damaged or cut off, or has no vertices.
+    """
+    data = read_bytes(path)
+    order, elements, begin = _read_header(path, data)
+    body: _Body = _Words(path, decode_text(path, data[begin:])) if order == "" else _Bytes(path, data, begin, order)
+    found = [_positions(path, body.rows(element)) for element in elements if element.name == "vertex"]
+    if not found:
+        raise FormatError(path, "has no element 'vertex'", "header")
+    return found[0]
+
+
 def _read_header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:
     """Returns the byte order ("" for ASCII), the elements, and where their rows begin."""
     end = _END.search(data, 0, MAX_HEADER)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tdcr_planner.collision.mesh_files.cad import IGES, STEP
 from tdcr_planner.collision.mesh_files.gltf import GLTF
 from tdcr_planner.collision.mesh_files.obj import OBJ
 from tdcr_planner.collision.mesh_files.off import OFF
@@ -16,7 +17,7 @@ from tdcr_planner.collision.mesh_files.stl import STL
 from tdcr_planner.collision.mesh_files.threemf import THREE_MF
 from tdcr_planner.errors import FormatError
 
-FORMATS = (STL, OBJ, PLY, OFF, GLTF, THREE_MF)
+FORMATS = (STL, OBJ, PLY, OFF, GLTF, THREE_MF, STEP, IGES)
 
 
 def find_format(path: Path) -> MeshFormat:

@@ -53,12 +53,17 @@ class MeshFormat:
         suffixes: Endings of its files' names, in lower case, each with its dot.
         read: Returns the triangles of a file; raises FormatError for all that it does not understand.
         parts: Returns the files that a file's geometry lies in, itself first.
+        surface_error: Largest distance of the triangles from the surface that they stand for, m; 0 where the file
+            holds triangles.
+        in_metres: Whether the file states its unit, and the triangles are in metres.
     """
 
     name: str
     suffixes: tuple[str, ...]
     read: Callable[[Path], RawMesh]
     parts: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
+    surface_error: float = 0.0
+    in_metres: bool = False
 
 
 def check_file(path: Path) -> None:
