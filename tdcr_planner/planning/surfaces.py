@@ -67,7 +67,8 @@ class SurfaceEntry(FileModel):
 
     Attributes:
         file: Path of the file, relative to the scenario file.
-        role: Name in `MESH_ROLES`. "cavity": the body stays inside; "obstacle": it stays outside of a closed surface and off an open one.
+        role: Name in `MESH_ROLES`. "cavity": the body stays inside; "obstacle": it stays outside of a closed surface
+            and off an open one.
         entry: For a cavity, the plane behind which the body may be outside; None for the base plane at insertion 0.
     """
 
