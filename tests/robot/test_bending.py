@@ -58,8 +58,11 @@ def test_tendons_in_any_order_get_the_same_tensions(plain, read, random):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"turns": 0.5}, r"robot 'plain': expected straight tendons, .* got tendon 1 with helical tendons; ask"),
-        ({"end_radius_m": 0.004}, "got tendon 1 with converging tendons"),
+        (
+            {"turns": 0.5},
+            r"robot 'plain': expected straight tendons, .* got tendon 1 .helical tendons.; robot.tendons has",
+        ),
+        ({"end_radius_m": 0.004}, "got tendon 1 .converging tendons."),
         ({"radius_m": 0.006}, r"segment 1 of robot 'plain': expected tendons on one circle, got .* 0\.006 to 0\.008 m"),
         ({"angle_deg": 180.0}, r"segment 1 of robot 'plain': expected three or more tendons .* got a gap of 240 deg"),
         ({"end_disk": 8, "segment": None}, r"segment 1 of robot 'plain': expected three .* got 2; give tensions or"),
