@@ -18,7 +18,7 @@ from tdcr_planner.query.result import PlanResult
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.query.verification import Verifier
 from tdcr_planner.rates import Rate, binomial_rate
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import refuse_unknown
 
 Progress = Callable[[int, int, str], None]
 
@@ -155,6 +155,7 @@ def assess_robustness(
         raise InputError("result", "a result with a path", f"status {result.status.value!r} without one")
     if samples < 1:
         raise InputError("samples", "1 or more", samples)
+    refuse_unknown(result.scenario.robot, (), "the robustness analysis")
     tolerances = tolerances or Tolerances()
     assessment = _Assessment(result)
     alone = [name for name, value in tolerances.items() if value > 0.0]
@@ -240,13 +241,6 @@ def _draw(scenario: Scenario, tolerances: Tolerances, generator: np.random.Gener
         update={"position_m": tuple(position), "quaternion_wxyz": (w, x, y, z), "look_along": None, "up": None}
     )
     file = scenario.file.model_copy(update={"base": moved})
-    robot = _with_limits_times(scenario.robot.scaled(stiffness=stiffness, mass=mass), max(float(gains.max()), 1.0))
+    # The limits bind the commands, whatever tensions come of them.
+    robot = scenario.robot.scaled(stiffness=stiffness, mass=mass).with_tension_limits_times(max(gains.max(), 1.0))
     return _DrawnRobot(replace(scenario, file=file, robot=robot), gains)
-
-
-def _with_limits_times(robot: RobotSpec, gain: float) -> RobotSpec:
-    """Returns a robot whose tension limits are multiplied: they bind the commands, whatever tensions come of them."""
-    segments = [
-        segment.model_copy(update={"max_tension_n": gain * segment.max_tension_n}) for segment in robot.segments
-    ]
-    return robot.model_copy(update={"segments": segments})

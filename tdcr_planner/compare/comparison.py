@@ -26,6 +26,7 @@ from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.planning.causes import CAUSES
 from tdcr_planner.planning.scenario import Scenario, Validity
 from tdcr_planner.query.session import PlanningSession
+from tdcr_planner.robot import refuse_unknown
 from tdcr_planner.shape.reference import ReferenceShape
 from tdcr_planner.shape.registry import SHAPE_MODELS
 from tdcr_planner.workers import ALLOWED_LOSSES, Outcome, WorkersError, run_jobs
@@ -138,6 +139,7 @@ def compare(
         if value < least:
             raise InputError(name, f"{least} or more", value)
     compared = _compared(scenario, models)
+    refuse_unknown(scenario.robot, (), "the comparison")
     tell = progress or (lambda *_: None)
     begin = time.perf_counter()
     session = PlanningSession(scenario.with_planner(validity=compared[0]))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import tomli_w
 from scipy.optimize import least_squares
 
 from tdcr_planner.arrays import FloatArray
@@ -14,7 +13,7 @@ from tdcr_planner.learning.checkpoint import write_bytes
 from tdcr_planner.learning.dataset import Progress, no_progress
 from tdcr_planner.learning.measured import MeasuredShapes, read_measured_shapes
 from tdcr_planner.learning.settings import TrainSettings
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import RobotSpec, format_robot
 from tdcr_planner.shape.card import Calibration, ModelCard
 from tdcr_planner.statics.solver import RodSolution, SolverSettings, solve_statics
 from tdcr_planner.workers import Backend
@@ -129,12 +128,6 @@ def train_on_measured(
     )
     write_bytes(out.with_suffix(".robot.toml"), format_robot(fitted).encode())
     return card
-
-
-def format_robot(robot: RobotSpec) -> str:
-    """Returns a robot as the TOML text of its file."""
-    content = robot.model_dump(exclude_none=True)
-    return tomli_w.dumps({"format": content.pop("format"), "name": content.pop("name"), **content})
 
 
 def _point_rms(differences: FloatArray) -> float:

@@ -22,9 +22,7 @@ class RobotLimits:
         """Collects a robot's limits."""
         self._spacing = np.diff(robot.arc_lengths)
         self._max_tensions = robot.max_tensions
-        limits = [segment.max_tendon_displacement_m for segment in robot.segments]
-        by_segment = np.array([np.inf if limit is None else limit for limit in limits])
-        self._displacement = by_segment[robot.tendon_segments]
+        self._lowest, self._highest = robot.drive.max_displacement
         strains = [rod.max_strain for rod in robot.segment_backbones]
         self._segment_strain = np.array([np.inf if limit is None else limit for limit in strains])
         self._max_strain = self._segment_strain[robot.disk_segments[1:]]
@@ -34,15 +32,9 @@ class RobotLimits:
         self._offsets = robot.tendon_offsets
         present = robot.tendon_segments[:, None] >= robot.disk_segments[None, 1:]
         self._present = present * self._spacing
-        stretch = [robot.segments[index].tendon_axial_stiffness_n for index in robot.tendon_segments]
-        self._tendon_compliance = np.array(
-            [
-                0.0 if stiffness is None else robot.segment_ends[index] / stiffness
-                for stiffness, index in zip(stretch, robot.tendon_segments, strict=True)
-            ]
-        )
+        self._tendon_compliance = robot.segment_ends[robot.tendon_segments] / robot.tendon_stiffnesses
         self._axial_compliance = np.array([1.0 / rod.stiffness_shear_extension[2] for rod in backbones])
-        self.any = bool(np.isfinite(self._displacement).any() or np.isfinite(self._max_strain).any())
+        self.any = bool(np.isfinite([self._lowest, self._highest]).any() or np.isfinite(self._max_strain).any())
 
     def hold(self, tensions: FloatArray, displacements: FloatArray, strain: FloatArray) -> BoolArray:
         """Returns which states keep all limits, shape (n,).
@@ -53,8 +45,8 @@ class RobotLimits:
             strain: Largest bending strain of each segment's backbone, shape (n, segments).
         """
         kept = at_most(tensions, self._max_tensions).all(axis=1)
-        limited = np.isfinite(self._displacement)
-        kept &= at_most(np.abs(displacements[:, limited]), self._displacement[limited]).all(axis=1)
+        limited = np.isfinite(self._highest)
+        kept &= self._within_travel(displacements[:, limited], limited)
         limited = np.isfinite(self._segment_strain)
         return np.asarray(kept & at_most(strain[:, limited], self._segment_strain[limited]).all(axis=1))
 
@@ -95,9 +87,16 @@ class RobotLimits:
         codes = np.zeros(len(tensions), dtype=np.int8)
         kept = at_most(self.bending_strain(rotations), self._max_strain).all(axis=1)
         codes[~kept] = Cause.STRAIN.code
-        kept = at_most(np.abs(self.tendon_displacements(tensions, rotations)), self._displacement).all(axis=1)
+        kept = self._within_travel(
+            self.tendon_displacements(tensions, rotations), np.ones(len(self._highest), np.bool_)
+        )
         codes[~kept] = Cause.TENDON_DISPLACEMENT.code
         return codes
+
+    def _within_travel(self, displacements: FloatArray, tendons: BoolArray) -> BoolArray:
+        """Returns which states keep some tendons, shape (t,), within their travel, shape (n,)."""
+        low, high = self._lowest[tendons], self._highest[tendons]
+        return np.asarray((at_most(displacements, high) & at_most(-displacements, -low)).all(axis=1))
 
     @staticmethod
     def explain(cause: Cause, robot: RobotSpec, tensions: FloatArray) -> str:
@@ -107,7 +106,7 @@ class RobotLimits:
             limit = robot.max_tensions[worst]
             return f"{cause.value}: tendon {worst + 1} needs {tensions[worst]:.3g} N of at most {limit:.3g} N"
         if cause is Cause.TENDON_DISPLACEMENT:
-            return f"{cause.value}: a tendon moves by more than max_tendon_displacement_m from where it is at rest"
+            return f"{cause.value}: a tendon moves beyond its displacement limit from where it is at rest"
         if cause is Cause.STRAIN:
             return f"{cause.value}: the backbone is bent from its rest curvature by more than max_strain"
         return cause.value

@@ -19,6 +19,7 @@ from tdcr_planner.planning.scene import differences, geometry_sha256, load_scene
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
 from tdcr_planner.query.verification import Verifier
+from tdcr_planner.robot import refuse_unknown
 from tdcr_planner.shape.base import ShapeModel
 from tdcr_planner.shape.registry import SHAPE_MODELS
 
@@ -39,8 +40,10 @@ class Environment:
 
         Raises:
             FormatError: A mesh or model cannot be used.
+            InputError: The robot has what planning does not know.
             RobotMismatchError: The shape model was made for another robot.
         """
+        refuse_unknown(scenario.robot, (), "the planner")
         self.scenario = scenario
         self._files = scene_files(scenario)
         self._facts = scene_facts(scenario, self._files)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import FloatArray, check_batch
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import RobotSpec, refuse_unknown
 from tdcr_planner.se3 import rotation_from_vector
 from tdcr_planner.shape.base import DiskPoses, ShapeModel
 
@@ -27,6 +27,7 @@ class ConstantCurvatureShape(ShapeModel):
 
     def __init__(self, robot: RobotSpec) -> None:
         """Prepares the baseline for a robot."""
+        refuse_unknown(robot, (), "constant curvature")
         self.robot = robot
         self.error_bound: FloatArray = np.zeros(robot.disk_count)
 
