@@ -27,6 +27,7 @@ from tdcr_planner.files import (
 )
 from tdcr_planner.limits import snap
 from tdcr_planner.planning.goal_kinds import GOAL_KINDS, GoalKind
+from tdcr_planner.planning.objectives import Objective
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
 from tdcr_planner.shape.registry import SHAPE_MODELS
@@ -202,20 +203,6 @@ class Goal(FileModel):
         """What kind of goal it is."""
         stated = {name for name, value in self if value is not None}
         return next(kind for kind in GOAL_KINDS if kind.key in stated)
-
-
-class Objective(FileModel):
-    """Weights of what an optimising planner minimises.
-
-    Attributes:
-        length: Weight of the path length in the workspace, 1/m.
-        clearance: Weight of being near a surface.
-        effort: Weight of the tendon tensions, 1/N.
-    """
-
-    length: NotNegative = 1.0
-    clearance: NotNegative = 0.0
-    effort: NotNegative = 0.0
 
 
 class PlannerSettings(FileModel):
