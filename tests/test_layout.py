@@ -43,6 +43,7 @@ COVERED = {
     "learning/paper_points.py": "learning/test_paper.py",
     "linked.py": "test_machine_code.py",
     "planning/causes.py": "planning/test_validity.py",
+    "planning/goal_kinds.py": "planning/test_scenario.py",
     "planning/goal_room.py": "planning/test_goal.py",
     "planning/kernels.py": "planning/test_validity.py",
     "planning/offered.py": "planning/test_planners.py",
