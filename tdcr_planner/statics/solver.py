@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics import kernels
+from tdcr_planner.statics.batch import BatchResults, solve_cases
+from tdcr_planner.statics.branch import CONVERGED, UNSTABLE
 from tdcr_planner.statics.loads import RodLoads, check_loads, writable
 from tdcr_planner.statics.rod import rod_arrays
 
@@ -111,7 +112,9 @@ def solve_statics(
     tip_force: ArrayLike | None = None,
     tip_moment: ArrayLike | None = None,
     distributed_force: ArrayLike | None = None,
+    distributed_moment: ArrayLike | None = None,
     disk_forces: ArrayLike | None = None,
+    disk_moments: ArrayLike | None = None,
     initial: RodSolution | None = None,
     settings: SolverSettings = _DEFAULT_SETTINGS,
 ) -> RodSolution:
@@ -127,7 +130,9 @@ def solve_statics(
         tip_force: Shape (3,) or (n, 3), N, at the centre of the last disk.
         tip_moment: Shape (3,) or (n, 3), N m, at the last disk.
         distributed_force: Shape (3,) or (n, 3), N per metre of backbone, on top of its weight.
+        distributed_moment: Shape (3,) or (n, 3), N m per metre of backbone.
         disk_forces: Shape (n, d, 3), N, at each disk centre; that on the base is borne by the clamp.
+        disk_moments: Shape (n, d, 3), N m, at each disk; that on the base is borne by the clamp.
         initial: A neighbouring solution of as many cases (or of one, used for all) to start from. Where a start
             fails or ends at an unstable shape, the case is solved from the unloaded shape.
         settings: Tolerance, steps, threads.
@@ -140,23 +145,29 @@ def solve_statics(
     """
     tension = writable(robot.check_tensions(tensions))
     count = len(tension)
-    loads = check_loads(robot, count, gravity, tip_force, tip_moment, distributed_force, disk_forces)
+    loads = check_loads(
+        robot, count, gravity=gravity, tip_force=tip_force, tip_moment=tip_moment,
+        distributed_force=distributed_force, distributed_moment=distributed_moment, disk_forces=disk_forces,
+        disk_moments=disk_moments,
+    )  # fmt: skip
     rod = rod_arrays(robot, settings.steps_per_gap)
     disks = robot.disk_count
     guesses = _initial_moments(initial, count)
-    forces = loads.disk_forces if len(loads.disk_forces) else np.zeros((1, disks, 3))
-    positions = np.empty((count, disks, 3))
-    rotations = np.empty((count, disks, 3, 3))
-    base_moment = np.empty((count, 3))
-    residual, fraction = np.empty(count), np.empty(count)
-    codes, sweeps = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    results = BatchResults(
+        positions=np.empty((count, disks, 3)),
+        rotations=np.empty((count, disks, 3, 3)),
+        base_moments=np.empty((count, 3)),
+        residuals=np.empty(count),
+        codes=np.empty(count, dtype=np.int64),
+        iterations=np.empty(count, dtype=np.int64),
+        fractions=np.empty(count),
+    )
+    batch, warm = loads.batch, initial is not None
 
     def solve_rows(start: int, stop: int) -> None:
-        kernels.solve_cases(
-            rod, tension, loads.gravity, loads.tip_force, loads.tip_moment, loads.distributed_force, forces, guesses,
-            initial is not None, settings.tolerance, settings.first_load_step, start, stop,
-            positions, rotations, base_moment, residual, codes, sweeps, fraction,
-        )  # fmt: skip
+        solve_cases(
+            rod, tension, batch, guesses, warm, settings.tolerance, settings.first_load_step, start, stop, results
+        )
 
     workers = min(settings.threads, count)
     if workers <= 1:
@@ -166,16 +177,16 @@ def solve_statics(
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(solve_rows, bounds[:-1].tolist(), bounds[1:].tolist()))
     return RodSolution(
-        positions=positions,
-        rotations=rotations,
+        positions=results.positions,
+        rotations=results.rotations,
         arc_lengths=robot.arc_lengths,
-        converged=codes <= kernels.UNSTABLE,
-        residual=residual,
-        status=_STATUS[codes],
-        iterations=sweeps,
-        base_moment=base_moment,
-        stable=codes == kernels.CONVERGED,
-        load_fraction=fraction,
+        converged=results.codes <= UNSTABLE,
+        residual=results.residuals,
+        status=_STATUS[results.codes],
+        iterations=results.iterations,
+        base_moment=results.base_moments,
+        stable=results.codes == CONVERGED,
+        load_fraction=results.fractions,
         tensions=tension,
         loads=loads,
         settings=settings,

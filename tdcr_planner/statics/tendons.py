@@ -8,14 +8,16 @@ from numpy.typing import ArrayLike
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.limits import at_most
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics.profile import rod_profile
+from tdcr_planner.statics.batch import lengths_of_cases, rest_lengths
+from tdcr_planner.statics.profile import record_solution, solved_rod
+from tdcr_planner.statics.rod import rod_arrays
 from tdcr_planner.statics.solver import RodSolution
 
 
 def tendon_lengths(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike | None = None) -> FloatArray:
     """Returns the length of each tendon's path from the base to the disk that it ends at.
 
-    The integral of |p_i'| = |v + u x r_i| (Rucker and Webster 2011, tendon kinematics) over the tendon's segments.
+    The integral of |p_i'| = |v + u x r_i + r_i'| (Rucker and Webster 2011, tendon kinematics).
 
     Args:
         robot: The robot.
@@ -27,14 +29,10 @@ def tendon_lengths(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike 
     """
     if tensions is not None:
         robot.check_tensions(tensions)
-    profile = rod_profile(robot, solution)
-    lengths = np.empty((len(solution.tensions), robot.tendon_count))
-    for tendon, (offset, segment) in enumerate(zip(robot.tendon_offsets, robot.tendon_segments, strict=True)):
-        passes = profile.segments <= segment
-        direction = profile.linear_strain[:, passes] + np.cross(profile.curvature[:, passes], offset)
-        stretch = np.linalg.norm(direction, axis=-1)
-        lengths[:, tendon] = profile.integral(stretch, passes)
-    return lengths
+    rod = solved_rod(robot, solution)
+    lengths = np.empty((len(solution.tensions), 2, robot.tendon_count))
+    lengths_of_cases(rod, solution.tensions, solution.converged, record_solution(rod, solution), lengths)
+    return np.ascontiguousarray(lengths[:, 0])
 
 
 def tendon_displacements(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike | None = None) -> FloatArray:
@@ -54,22 +52,14 @@ def tendon_displacements(robot: RobotSpec, solution: RodSolution, tensions: Arra
     """
     tension = solution.tensions if tensions is None else robot.check_tensions(tensions)
     lengths = tendon_lengths(robot, solution)
-    rest = rest_tendon_lengths(robot)
+    rest = rest_tendon_lengths(robot, solution.settings.steps_per_gap)
     stiffness = np.array([segment.tendon_axial_stiffness_n or np.inf for segment in robot.segments])
     return np.asarray(rest - lengths + tension * lengths / stiffness[robot.tendon_segments])
 
 
-def rest_tendon_lengths(robot: RobotSpec) -> FloatArray:
-    """Returns the length of each tendon's path in the unloaded robot, shape (t,), m.
-
-    The rest curvature u* is constant along a segment, and v = e3, so that |e3 + u* x r| times the length is exact.
-    """
-    lengths = np.zeros(robot.tendon_count)
-    for index, (segment, backbone) in enumerate(zip(robot.segments, robot.segment_backbones, strict=True)):
-        direction = np.array([0.0, 0.0, 1.0]) + np.cross(backbone.rest_curvature_1_m, robot.tendon_offsets)
-        passes = robot.tendon_segments >= index
-        lengths += np.where(passes, segment.length_m * np.linalg.norm(direction, axis=1), 0.0)
-    return lengths
+def rest_tendon_lengths(robot: RobotSpec, steps_per_gap: int | None = None) -> FloatArray:
+    """Returns the length of each tendon's path in the unloaded robot, shape (t,), m, by the quadrature of the shapes."""
+    return np.asarray(rest_lengths(rod_arrays(robot, steps_per_gap)))
 
 
 def within_displacement_limits(robot: RobotSpec, solution: RodSolution) -> BoolArray:
