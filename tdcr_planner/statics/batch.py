@@ -10,6 +10,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.compiled import njit
 from tdcr_planner.statics.branch import CONVERGED, LIMIT_POINT, NOT_CONVERGED, follow_branch, newton
 from tdcr_planner.statics.cut_loads import LoadBatch, empty_loads, fill_loads
+from tdcr_planner.statics.drive import GAP_TOLERANCE, DriveArrays, drive_newton, empty_state, follow_drive
 from tdcr_planner.statics.integration import add_lengths, integrate
 from tdcr_planner.statics.options import OPTIONS
 from tdcr_planner.statics.rod import RodArrays
@@ -95,6 +96,60 @@ def solve_cases(
                 results.positions[case] = np.nan
                 results.rotations[case] = np.nan
                 results.base_moments[case] = np.nan
+        results.iterations[case] = total
+
+
+@njit(**OPTIONS)
+def solve_drive_cases(
+    rod: RodArrays,
+    drive: DriveArrays,
+    displacements: FloatArray,
+    batch: LoadBatch,
+    guesses: FloatArray,
+    tensions: FloatArray,
+    warm: bool,
+    tolerance: float,
+    first_step: float,
+    start: int,
+    stop: int,
+    results: BatchResults,
+) -> None:
+    """Solves the cases from start to stop for given displacements, each by itself, and writes its results.
+
+    `tensions`, shape (n, t), N, hold the tensions to start from where `warm`, and then those found.
+    """
+    loads, tension, state = empty_loads(rod), frictionless_tension(rod), empty_state(rod.tendons.shape[1])
+    for case in range(start, stop):
+        scale = fill_loads(rod, batch, case, loads)
+        tolerances = (smallest_level(rod, tolerance, scale), GAP_TOLERANCE * tolerance * rod.length[0])
+        positions, rotations, moment = results.positions[case], results.rotations[case], guesses[case]
+        done, total = False, 0
+        if warm and np.isfinite(moment[0] + moment[1] + moment[2]):
+            converged, residual, total, stable, _ = drive_newton(
+                rod, drive, loads, displacements[case], tension, moment, tensions[case], tolerances, True, state,
+                positions, rotations,
+            )  # fmt: skip
+            if converged and stable:
+                done = True
+                for j in range(3):
+                    results.base_moments[case, j] = moment[j]
+                results.residuals[case] = residual
+                results.codes[case] = CONVERGED
+                results.fractions[case] = 1.0
+        if not done:
+            code, residual, made, fraction = follow_drive(
+                rod, drive, loads, displacements[case], tension, results.base_moments[case], tensions[case],
+                tolerances, first_step, state, positions, rotations,
+            )  # fmt: skip
+            total += made
+            results.codes[case] = code
+            results.residuals[case] = residual
+            results.fractions[case] = fraction
+            if code in (LIMIT_POINT, NOT_CONVERGED):
+                results.positions[case] = np.nan
+                results.rotations[case] = np.nan
+                results.base_moments[case] = np.nan
+                tensions[case] = np.nan
         results.iterations[case] = total
 
 

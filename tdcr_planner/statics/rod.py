@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,13 +106,10 @@ def rod_arrays(robot: RobotSpec, steps_per_gap: int | None = None) -> RodArrays:
 
 @lru_cache(maxsize=64)
 def _cached_rod_arrays(robot: RobotSpec, steps_per_gap: int | None) -> RodArrays:
-    from tdcr_planner.statics.first_version import mechanics
-
-    robot = mechanics(robot)
     stops = _stops(robot)
     lengths: list[float] = []
     starts: list[float] = []
-    for start, stop in zip(stops[:-1], stops[1:], strict=True):
+    for start, stop in pairwise(stops.tolist()):
         gap = stop - start
         steps = steps_per_gap or max(1, math.ceil(gap * DEFAULT_STEPS / robot.length - 1e-9))
         lengths += [gap / steps] * steps
@@ -164,8 +163,8 @@ def _stops(robot: RobotSpec) -> FloatArray:
     return np.unique(np.concatenate([disks, joins[apart]]))
 
 
-def _at_points(function: object, points: FloatArray) -> FloatArray:
-    values = np.asarray(function(points.ravel()), dtype=np.float64)  # type: ignore[operator]
+def _at_points(function: Callable[[FloatArray], FloatArray], points: FloatArray) -> FloatArray:
+    values = function(points.ravel())
     return np.ascontiguousarray(values.reshape(*points.shape, 6))
 
 

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics.batch import BatchResults, solve_cases
+from tdcr_planner.statics.batch import BatchResults, solve_cases, solve_drive_cases
 from tdcr_planner.statics.branch import CONVERGED, UNSTABLE
+from tdcr_planner.statics.drive_settings import dead_band, drive_arrays
 from tdcr_planner.statics.loads import RodLoads, check_loads, writable
 from tdcr_planner.statics.rod import rod_arrays
 
@@ -81,9 +82,10 @@ class RodSolution:
         base_moment: Moment across the cut at the base, shape (n, 3), N m, base frame; what a warm start needs.
         stable: Whether the equilibrium is stable, shape (n,); false where none was found.
         load_fraction: Fraction of the loads up to which the branch from the unloaded shape was followed, shape (n,).
-        tensions: The tensions solved for, shape (n, t), N.
+        tensions: The tensions solved for, or found from displacements, shape (n, t), N.
         loads: The loads solved for.
         settings: The settings used.
+        displacements: The displacements solved for, shape (n, t), m; None where tensions were given.
     """
 
     positions: FloatArray
@@ -99,6 +101,7 @@ class RodSolution:
     tensions: FloatArray
     loads: RodLoads
     settings: SolverSettings
+    displacements: FloatArray | None = None
 
 
 _DEFAULT_SETTINGS = SolverSettings()
@@ -106,8 +109,9 @@ _DEFAULT_SETTINGS = SolverSettings()
 
 def solve_statics(
     robot: RobotSpec,
-    tensions: ArrayLike,
+    tensions: ArrayLike | None = None,
     *,
+    displacements: ArrayLike | None = None,
     gravity: ArrayLike | None = None,
     tip_force: ArrayLike | None = None,
     tip_moment: ArrayLike | None = None,
@@ -126,6 +130,8 @@ def solve_statics(
     Args:
         robot: The robot.
         tensions: Shape (n, t), N, one column a tendon in the robot file's order.
+        displacements: In place of tensions, what the drive has pulled in of each tendon, shape (n, t), m. The tensions
+            are found with the shape; a tendon whose length is not used up is slack and has none.
         gravity: Acceleration, shape (3,) or (n, 3), m/s^2; acts on backbone, disks and payload.
         tip_force: Shape (3,) or (n, 3), N, at the centre of the last disk.
         tip_moment: Shape (3,) or (n, 3), N m, at the last disk.
@@ -143,7 +149,7 @@ def solve_statics(
     Raises:
         InputError: Wrong shapes, values that are not finite, negative tensions.
     """
-    tension = writable(robot.check_tensions(tensions))
+    pulled, tension = _check_actuation(robot, tensions, displacements, initial)
     count = len(tension)
     loads = check_loads(
         robot, count, gravity=gravity, tip_force=tip_force, tip_moment=tip_moment,
@@ -162,12 +168,14 @@ def solve_statics(
         iterations=np.empty(count, dtype=np.int64),
         fractions=np.empty(count),
     )
-    batch, warm = loads.batch, initial is not None
+    batch, warm, drive = loads.batch, initial is not None, drive_arrays(robot, rod)
 
     def solve_rows(start: int, stop: int) -> None:
-        solve_cases(
-            rod, tension, batch, guesses, warm, settings.tolerance, settings.first_load_step, start, stop, results
-        )
+        options = warm, settings.tolerance, settings.first_load_step, start, stop, results
+        if pulled is None:
+            solve_cases(rod, tension, batch, guesses, *options)
+        else:
+            solve_drive_cases(rod, drive, pulled, batch, guesses, tension, *options)
 
     workers = min(settings.threads, count)
     if workers <= 1:
@@ -190,7 +198,25 @@ def solve_statics(
         tensions=tension,
         loads=loads,
         settings=settings,
+        displacements=None if displacements is None else robot.check_displacements(displacements),
     )
+
+
+def _check_actuation(
+    robot: RobotSpec, tensions: ArrayLike | None, displacements: ArrayLike | None, initial: RodSolution | None
+) -> tuple[FloatArray | None, FloatArray]:
+    """Returns the displacements behind the drive's play, or None, and the tensions, given or to start from."""
+    if (tensions is None) == (displacements is None):
+        came = "neither" if tensions is None else "both"
+        raise InputError("tensions", "either tensions or displacements", came)
+    if displacements is None:
+        assert tensions is not None
+        return None, writable(robot.check_tensions(tensions))
+    pulled = dead_band(robot, robot.check_displacements(displacements))
+    start = np.zeros((1, robot.tendon_count)) if initial is None else initial.tensions
+    if len(start) not in (1, len(pulled)):
+        raise InputError("initial", f"a solution of 1 or {len(pulled)} cases", f"one of {len(start)}")
+    return pulled, np.array(np.broadcast_to(start, pulled.shape))
 
 
 def _initial_moments(initial: RodSolution | None, count: int) -> FloatArray:

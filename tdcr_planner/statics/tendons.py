@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.limits import at_most
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics.batch import lengths_of_cases, rest_lengths
+from tdcr_planner.statics.batch import lengths_of_cases
+from tdcr_planner.statics.drive_settings import drive_arrays
 from tdcr_planner.statics.profile import record_solution, solved_rod
-from tdcr_planner.statics.rod import rod_arrays
 from tdcr_planner.statics.solver import RodSolution
 
 
@@ -36,11 +36,11 @@ def tendon_lengths(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike 
 
 
 def tendon_displacements(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike | None = None) -> FloatArray:
-    """Returns how far each tendon is pulled out at the base, against the unloaded robot at rest.
+    """Returns how far the drive has pulled each tendon in, against the unloaded robot at rest with its pretension.
 
     At rest the robot is straight, or as curved as its backbone's `rest_curvature_1_m` says. Positive where the tendon
-    is pulled out. Where the segment gives `tendon_axial_stiffness_n`, the elastic stretch
-    tension x length / stiffness of the part inside the robot is added: that much more has to be pulled.
+    is pulled. What tendon and transmission stretch by is included: that much more has to be pulled. For a slack tendon
+    it is the displacement at which it becomes taut.
 
     Args:
         robot: The robot.
@@ -51,19 +51,15 @@ def tendon_displacements(robot: RobotSpec, solution: RodSolution, tensions: Arra
         Shape (n, t), m; NaN for cases without an equilibrium.
     """
     tension = solution.tensions if tensions is None else robot.check_tensions(tensions)
+    drive = drive_arrays(robot, solved_rod(robot, solution))
     lengths = tendon_lengths(robot, solution)
-    rest = rest_tendon_lengths(robot, solution.settings.steps_per_gap)
-    stiffness = np.array([segment.tendon_axial_stiffness_n or np.inf for segment in robot.segments])
-    return np.asarray(rest - lengths + tension * lengths / stiffness[robot.tendon_segments])
-
-
-def rest_tendon_lengths(robot: RobotSpec, steps_per_gap: int | None = None) -> FloatArray:
-    """Returns the length of each tendon's path in the unloaded robot, shape (t,), m, by the quadrature of the shapes."""
-    return np.asarray(rest_lengths(rod_arrays(robot, steps_per_gap)))
+    stretched = (tension - drive.pretension) * drive.compliance
+    stretched = stretched + (tension * lengths - drive.pretension * drive.rest_lengths) * drive.stretch
+    return np.asarray(drive.rest_lengths - lengths + stretched)
 
 
 def within_displacement_limits(robot: RobotSpec, solution: RodSolution) -> BoolArray:
-    """Returns which cases keep every `Segment.max_tendon_displacement_m`, (n,); false without an equilibrium."""
-    limits = np.array([segment.max_tendon_displacement_m or np.inf for segment in robot.segments])
-    displaced = np.abs(tendon_displacements(robot, solution))
-    return np.asarray(at_most(displaced, limits[robot.tendon_segments]).all(axis=1))
+    """Returns which cases keep the drive's displacement limits, shape (n,); false without an equilibrium."""
+    displaced = tendon_displacements(robot, solution)
+    lowest, highest = robot.drive.max_displacement
+    return np.asarray(at_most(displaced, highest).all(axis=1) & at_most(-displaced, -lowest).all(axis=1))
