@@ -13,7 +13,7 @@ from tdcr_planner.statics.motion import dexp_inverse, se3_exp
 from tdcr_planner.statics.options import INLINED, OPTIONS
 from tdcr_planner.statics.rod import RodArrays
 from tdcr_planner.statics.small_matrices import negative_eigenvalues, positive_spectrum
-from tdcr_planner.statics.tension import TendonTension
+from tdcr_planner.statics.tension import TendonTension, slide, start_sliding, turn, write_tangents
 
 
 @njit(**OPTIONS)
@@ -70,16 +70,19 @@ def integrate(
     before = np.empty((3, 3))
     tendons = rod.tendons.shape[1]
     pulled, places, gains = np.empty((tendons, 6)), np.empty(tendons, dtype=np.int64), np.ones(tendons)
-    stage_rotation = np.eye(3)
     has_lengths, rubs, has_record = lengths.shape[0] > 0, tension.friction.shape[0] > 0, record.shape[0] > 0
     modes = 0
     begun = False
     start_integration(positions, rotations, angle, moment, with_variations, lengths, length_rates)
     length = rod.length[0]
+    if rubs:
+        start_sliding(tension)
     for c in range(rod.step_lengths.shape[0]):
         h, rigid, count, half_gap = rod.step_lengths[c], rod.rigid[c], rod.tendon_counts[c], rod.chords[c, 0, 0]
         enters = rod.joins[c] or (c > 0 and rod.rigid[c - 1])
         loaded = start_step(loads, c, R, M, n0, m0, l0, W)
+        if rubs:
+            slide(rod, tension, c)
         for j in range(3):
             load[j], load[3 + j] = n0[j], m0[j]
             added_sum[j] = added[j] = 0.0
@@ -117,19 +120,17 @@ def integrate(
                     rod.slopes[c, point], tension.pulls[c, point], count, inverse, fresh or stage == 1, length,
                 ):  # fmt: skip
                     return False, modes
-            if has_record or rubs:
-                for i in range(3):
-                    for j in range(3):
-                        stage_rotation[i, j] = (
-                            R[i, j] if stage == 0 else R[i, 0] * Q[0, j] + R[i, 1] * Q[1, j] + R[i, 2] * Q[2, j]
-                        )
             if has_record:
                 for j in range(6):
                     record[c, stage, j] = load[j]
                     record[c, stage, 6 + j] = strain[j]
                 for i in range(3):
                     for j in range(3):
-                        record[c, stage, 12 + 3 * i + j] = stage_rotation[i, j]
+                        record[c, stage, 12 + 3 * i + j] = (
+                            R[i, j] if stage == 0 else R[i, 0] * Q[0, j] + R[i, 1] * Q[1, j] + R[i, 2] * Q[2, j]
+                        )
+            if rubs and stage != 1:
+                write_tangents(rod, tension, c, point, strain)
             fraction = 1.0 / 6.0 if stage == 0 or stage == 3 else 1.0 / 3.0
             if has_lengths:
                 add_lengths(rod, tension, c, point, strain, fraction * h, lengths)
@@ -167,6 +168,8 @@ def integrate(
                     elif modes == 0 and not positive_spectrum(angle, before):
                         modes = 1
         begun = begun or not rigid
+        if rubs:
+            turn(rod, tension, c)
         for j in range(6):
             twist[j] = h * total[j]
         se3_exp(twist, Q, d)

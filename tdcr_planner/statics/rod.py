@@ -83,7 +83,8 @@ class RodArrays(NamedTuple):
     def steps_of(self, tendon: int) -> tuple[IntArray, IntArray]:
         """Returns the steps that a tendon runs through and its column in each of them."""
         columns = np.arange(self.tendons.shape[1])
-        return np.nonzero((self.tendons == tendon) & (columns < self.tendon_counts[:, None]))
+        steps, places = np.nonzero((self.tendons == tendon) & (columns < self.tendon_counts[:, None]))
+        return steps.astype(np.int64), places.astype(np.int64)
 
 
 def rod_arrays(robot: RobotSpec, steps_per_gap: int | None = None) -> RodArrays:
