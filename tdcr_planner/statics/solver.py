@@ -2,120 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from enum import StrEnum
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics import kernels
-from tdcr_planner.statics.loads import RodLoads, check_loads, writable
+from tdcr_planner.statics.batch import solve_cases, solve_drive_cases
+from tdcr_planner.statics.drive_settings import actuation_of, dead_band, drive_arrays, histories_of
+from tdcr_planner.statics.loads import check_loads, writable
+from tdcr_planner.statics.motion_history import solve_friction_cases
 from tdcr_planner.statics.rod import rod_arrays
+from tdcr_planner.statics.solution import RodSolution, SolverSettings, SolveStatus, empty_results, rod_solution
 
-
-class SolveStatus(StrEnum):
-    """How the solution of one case ended.
-
-    CONVERGED: a stable equilibrium.
-    UNSTABLE: an equilibrium on the branch that follows from the unloaded shape, but not a stable one: the loads are
-        beyond a buckling load and the robot would leave it.
-    LIMIT_POINT: the branch that follows from the unloaded shape ends before the full loads are reached (it snaps
-        through); no shape is returned.
-    NOT_CONVERGED: the iteration gave up; no shape is returned.
-    """
-
-    CONVERGED = "converged"
-    UNSTABLE = "unstable"
-    LIMIT_POINT = "limit_point"
-    NOT_CONVERGED = "not_converged"
-
-
-_STATUS = np.array(list(SolveStatus), dtype=object)
-
-
-@dataclass(frozen=True)
-class SolverSettings:
-    """How exactly and with what effort to solve.
-
-    Attributes:
-        tolerance: Largest |M(l) - M_tip| relative to the moment that the loads can exert (length times largest cut
-            force, plus tip moment).
-        steps_per_gap: Integration steps between neighbouring disks; None keeps each at or below 1/20 of the robot.
-        first_load_step: Fraction of the loads tried first from the unloaded shape; smaller follows the branch in
-            smaller steps from the start.
-        threads: Threads among which a batch is divided. The results do not depend on it.
-    """
-
-    tolerance: float = 1e-9
-    steps_per_gap: int | None = None
-    first_load_step: float = 1.0
-    threads: int = 1
-
-    def __post_init__(self) -> None:
-        if not 1e-13 <= self.tolerance <= 1e-3:
-            raise InputError("tolerance", "a number from 1e-13 to 1e-3", self.tolerance)
-        if not 1e-3 <= self.first_load_step <= 1.0:
-            raise InputError("first_load_step", "a number from 1e-3 to 1", self.first_load_step)
-        if self.threads < 1:
-            raise InputError("threads", "a whole number of 1 or more", self.threads)
-
-
-@dataclass(frozen=True)
-class RodSolution:
-    """The shapes of a batch of n cases.
-
-    Attributes:
-        positions: Disk centres, shape (n, d, 3), m, base frame; NaN where no equilibrium was found.
-        rotations: base_from_disk, shape (n, d, 3, 3); NaN where no equilibrium was found.
-        arc_lengths: Arc length of each disk in the unloaded rod, shape (d,), m.
-        converged: Whether an equilibrium was found, shape (n,).
-        residual: |M(l) - M_tip|, shape (n,), N m.
-        status: SolveStatus of each case, shape (n,), dtype object.
-        iterations: Integrations from base to tip that the case took, shape (n,).
-        base_moment: Moment across the cut at the base, shape (n, 3), N m, base frame; what a warm start needs.
-        stable: Whether the equilibrium is stable, shape (n,); false where none was found.
-        load_fraction: Fraction of the loads up to which the branch from the unloaded shape was followed, shape (n,).
-        tensions: The tensions solved for, shape (n, t), N.
-        loads: The loads solved for.
-        settings: The settings used.
-    """
-
-    positions: FloatArray
-    rotations: FloatArray
-    arc_lengths: FloatArray
-    converged: BoolArray
-    residual: FloatArray
-    status: NDArray[Any]
-    iterations: IntArray
-    base_moment: FloatArray
-    stable: BoolArray
-    load_fraction: FloatArray
-    tensions: FloatArray
-    loads: RodLoads
-    settings: SolverSettings
-
+__all__ = ["RodSolution", "SolveStatus", "SolverSettings", "solve_statics"]
 
 _DEFAULT_SETTINGS = SolverSettings()
 
 
 def solve_statics(
     robot: RobotSpec,
-    tensions: ArrayLike,
+    tensions: ArrayLike | None = None,
     *,
+    displacements: ArrayLike | None = None,
+    friction: str | Sequence[str] | None = None,
     gravity: ArrayLike | None = None,
     tip_force: ArrayLike | None = None,
     tip_moment: ArrayLike | None = None,
     distributed_force: ArrayLike | None = None,
+    distributed_moment: ArrayLike | None = None,
     disk_forces: ArrayLike | None = None,
+    disk_moments: ArrayLike | None = None,
     initial: RodSolution | None = None,
     settings: SolverSettings = _DEFAULT_SETTINGS,
 ) -> RodSolution:
-    """Returns the equilibrium shapes of a robot by the Cosserat-rod model with frictionless tendons.
+    """Returns the equilibrium shapes of a robot by the Cosserat-rod model with tendons.
 
     Every case is solved by itself: its result does not depend on the others in the batch. Loads are dead: fixed in
     direction, in the base frame. Without `initial` the branch that follows from the unloaded shape is returned.
@@ -123,11 +47,18 @@ def solve_statics(
     Args:
         robot: The robot.
         tensions: Shape (n, t), N, one column a tendon in the robot file's order.
+        displacements: In place of tensions, what the drive has pulled in of each tendon, shape (n, t), m. The tensions
+            are found with the shape; a tendon whose length is not used up is slack and has none.
+        friction: None for tendons without friction; "pull" where every tendon with friction slides towards the drive,
+            "release" where it slides away from it; one for all, or one a tendon. `solve_sequence` follows a motion
+            instead, and finds what slides and sticks.
         gravity: Acceleration, shape (3,) or (n, 3), m/s^2; acts on backbone, disks and payload.
         tip_force: Shape (3,) or (n, 3), N, at the centre of the last disk.
         tip_moment: Shape (3,) or (n, 3), N m, at the last disk.
         distributed_force: Shape (3,) or (n, 3), N per metre of backbone, on top of its weight.
+        distributed_moment: Shape (3,) or (n, 3), N m per metre of backbone.
         disk_forces: Shape (n, d, 3), N, at each disk centre; that on the base is borne by the clamp.
+        disk_moments: Shape (n, d, 3), N m, at each disk; that on the base is borne by the clamp.
         initial: A neighbouring solution of as many cases (or of one, used for all) to start from. Where a start
             fails or ends at an unstable shape, the case is solved from the unloaded shape.
         settings: Tolerance, steps, threads.
@@ -138,25 +69,35 @@ def solve_statics(
     Raises:
         InputError: Wrong shapes, values that are not finite, negative tensions.
     """
-    tension = writable(robot.check_tensions(tensions))
+    pulled, tension = _check_actuation(robot, tensions, displacements, initial)
     count = len(tension)
-    loads = check_loads(robot, count, gravity, tip_force, tip_moment, distributed_force, disk_forces)
+    loads = check_loads(
+        robot, count, gravity=gravity, tip_force=tip_force, tip_moment=tip_moment,
+        distributed_force=distributed_force, distributed_moment=distributed_moment, disk_forces=disk_forces,
+        disk_moments=disk_moments,
+    )  # fmt: skip
     rod = rod_arrays(robot, settings.steps_per_gap)
-    disks = robot.disk_count
     guesses = _initial_moments(initial, count)
-    forces = loads.disk_forces if len(loads.disk_forces) else np.zeros((1, disks, 3))
-    positions = np.empty((count, disks, 3))
-    rotations = np.empty((count, disks, 3, 3))
-    base_moment = np.empty((count, 3))
-    residual, fraction = np.empty(count), np.empty(count)
-    codes, sweeps = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    results = empty_results(robot, count)
+    given = None if displacements is None else robot.check_displacements(displacements)
+    if friction is not None:
+        if initial is not None:
+            raise InputError("initial", "no initial solution where friction is given", "one")
+        driven = tension if pulled is None else pulled
+        found, pulls = np.empty_like(tension), np.empty((count, *rod.offsets.shape[:3]))
+        solve_friction_cases(
+            rod, actuation_of(robot, rod, pulled is not None), driven, loads.batch, histories_of(robot, friction),
+            settings.tolerance, settings.first_load_step, results, found, pulls,
+        )  # fmt: skip
+        return rod_solution(robot, results, found, loads, settings, displacements=given, pulls=pulls)
+    batch, warm, drive = loads.batch, initial is not None, drive_arrays(robot, rod)
 
     def solve_rows(start: int, stop: int) -> None:
-        kernels.solve_cases(
-            rod, tension, loads.gravity, loads.tip_force, loads.tip_moment, loads.distributed_force, forces, guesses,
-            initial is not None, settings.tolerance, settings.first_load_step, start, stop,
-            positions, rotations, base_moment, residual, codes, sweeps, fraction,
-        )  # fmt: skip
+        options = warm, settings.tolerance, settings.first_load_step, start, stop, results
+        if pulled is None:
+            solve_cases(rod, tension, batch, guesses, *options)
+        else:
+            solve_drive_cases(rod, drive, pulled, batch, guesses, tension, *options)
 
     workers = min(settings.threads, count)
     if workers <= 1:
@@ -165,21 +106,24 @@ def solve_statics(
         bounds = np.linspace(0, count, workers + 1).astype(int)
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(solve_rows, bounds[:-1].tolist(), bounds[1:].tolist()))
-    return RodSolution(
-        positions=positions,
-        rotations=rotations,
-        arc_lengths=robot.arc_lengths,
-        converged=codes <= kernels.UNSTABLE,
-        residual=residual,
-        status=_STATUS[codes],
-        iterations=sweeps,
-        base_moment=base_moment,
-        stable=codes == kernels.CONVERGED,
-        load_fraction=fraction,
-        tensions=tension,
-        loads=loads,
-        settings=settings,
-    )
+    return rod_solution(robot, results, tension, loads, settings, displacements=given)
+
+
+def _check_actuation(
+    robot: RobotSpec, tensions: ArrayLike | None, displacements: ArrayLike | None, initial: RodSolution | None
+) -> tuple[FloatArray | None, FloatArray]:
+    """Returns the displacements behind the drive's play, or None, and the tensions, given or to start from."""
+    if (tensions is None) == (displacements is None):
+        came = "neither" if tensions is None else "both"
+        raise InputError("tensions", "either tensions or displacements", came)
+    if displacements is None:
+        assert tensions is not None
+        return None, writable(robot.check_tensions(tensions))
+    pulled = dead_band(robot, robot.check_displacements(displacements))
+    start = np.zeros((1, robot.tendon_count)) if initial is None else initial.tensions
+    if len(start) not in (1, len(pulled)):
+        raise InputError("initial", f"a solution of 1 or {len(pulled)} cases", f"one of {len(start)}")
+    return pulled, np.array(np.broadcast_to(start, pulled.shape))
 
 
 def _initial_moments(initial: RodSolution | None, count: int) -> FloatArray:
