@@ -235,7 +235,9 @@ def _pickles() -> Iterator[tuple[str, bytes, bytes]]:
         "a state that restores itself": b"c__torch__.sub\nLayer\n)\x81(K\x01tb",
         "an enumeration": b"ctorch.jit._pickle\nsomething\n(K\x01tR",
         "a device": b"ctorch\ndevice\n(X\x03\x00\x00\x00cpatR",
-        "a tag of a custom class": b"ctorch.jit._pickle\nrestore_type_tag\n(]X\x1f\x00\x00\x00List[__torch__.torch.classes.a]tR",
+        "a tag of a custom class": (
+            b"ctorch.jit._pickle\nrestore_type_tag\n(]X\x1f\x00\x00\x00List[__torch__.torch.classes.a]tR"
+        ),
         "quantized numbers": TENSOR.replace(b"FloatStorage", b"QInt8Storage"),
         "a tensor beyond its numbers": TENSOR.replace(b"K\x04\x85K\x01\x85", b"M\xff\x00\x85K\x01\x85"),
         "a tensor of negative stride": TENSOR.replace(b"K\x01\x85\x89", b"J\xff\xff\xff\xff\x85\x89"),

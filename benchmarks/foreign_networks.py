@@ -3,6 +3,7 @@
 Each kind adds a small output of its own to the arc that the unloaded robot is, so that it plans without a training.
 """
 
+# ruff: noqa: D101, D102
 from __future__ import annotations
 
 import io

@@ -129,7 +129,7 @@ class Registry(Generic[Kind]):
         if known != source:
             owner = f"package {known.package}" if known.package else "tdcr_planner"
             self._warn(
-                f"package {source.package} registers a {self.what} {point.name!r}, a name that {owner} has: it is left out"
+                f"package {source.package} registers a {self.what} {point.name!r}, a name that {owner} has: left out"
             )
 
     def _warn(self, message: str) -> None:

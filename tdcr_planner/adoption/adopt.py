@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from tdcr_planner.learning.export import UNITS, library_versions
 from tdcr_planner.learning.fitness import FIT_IN_RADII
 from tdcr_planner.learning.judge import body_errors, calibrate_bound, measure_accuracy
 from tdcr_planner.learning.settings import DomainSettings
-from tdcr_planner.learning.state_margin import calibrate_state_margin
+from tdcr_planner.learning.state_margin import calibrate_state_margin, cases_needed
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.card import CARD_FORMAT, Adoption, Domain, ErrorBound, ModelCard
 from tdcr_planner.shape.foreign_network import ForeignNetwork, load_network
@@ -49,8 +49,8 @@ class AdoptSettings:
         threads: Threads of the reference.
     """
 
-    given: Given = Given()
-    domain: DomainSettings = DomainSettings()
+    given: Given = field(default_factory=Given)
+    domain: DomainSettings = field(default_factory=DomainSettings)
     correct: bool = False
     alpha: float = 0.001
     cases: int = 12_000
@@ -61,8 +61,7 @@ class AdoptSettings:
     def __post_init__(self) -> None:
         if not 1e-5 <= self.alpha <= 0.5:
             raise InputError("alpha", "a number from 1e-5 to 0.5", self.alpha)
-        # The largest of n errors bounds a part of alpha with confidence 99 %; half of alpha is each bound's.
-        needed = int(np.ceil(np.log(0.01) / np.log(1.0 - 0.5 * self.alpha))) + 1
+        needed = cases_needed(self.alpha)
         if self.cases < needed:
             raise InputError("cases", f"at least {needed:,} for alpha = {self.alpha:g}", self.cases)
 
@@ -122,9 +121,7 @@ def adopt(
     judged = _solved(robot, domain, "uniform", settings.judged, settings, 5000, progress)
     planned = _solved(robot, domain, "planner", settings.judged, settings, 5001, progress)
     predict = _predict(model)
-    accuracy = tuple(
-        measure_accuracy(predict, sample, solved) for sample, solved in (("planner", planned), ("uniform", judged))
-    )
+    accuracy = measure_accuracy(predict, "planner", planned), measure_accuracy(predict, "uniform", judged)
     card = card.model_copy(update={"accuracy": accuracy})
     if sha256_of_file(module) != source:
         raise FormatError(module, "changed while it was adopted; start again")

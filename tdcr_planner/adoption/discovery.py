@@ -39,7 +39,7 @@ _JOINED_INPUTS: tuple[tuple[InputName, ...], ...] = tuple(
     (actuation, *loads)
     for actuation in ("tensions", "bending")
     for loads in ((), ("gravity",), ("tip_force",), ("gravity", "tip_force"), ("tip_force", "gravity"))
-)  # type: ignore[assignment]
+)
 _ROTATIONS: tuple[OutputName, ...] = (
     "rotations", "rotation_vectors", "quaternions_wxyz", "quaternions_xyzw", "rotations_6d",
 )  # fmt: skip
@@ -149,7 +149,7 @@ def _input_candidates(
         return
     by_name = [_named(argument, _INPUT_NAMES) for argument in arguments]
     if all(by_name) and by_name and {"tensions", "bending"} & set(by_name):
-        yield tuple(by_name), False  # type: ignore[arg-type]
+        yield tuple(by_name), False
         return
     if len(arguments) == 1:
         with_arc = [
@@ -163,7 +163,7 @@ def _input_candidates(
                 for name in inputs
             )
             if network.widths[0] in (None, width):
-                yield inputs, True  # type: ignore[misc]
+                yield inputs, True
         return
     # Names that say nothing: tensions first, the loads in their order.
     for inputs in _JOINED_INPUTS:

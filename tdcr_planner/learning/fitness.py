@@ -47,8 +47,8 @@ class Fitness:
         """Returns the verdict in one or a few lines."""
         where = "" if self.states == 1.0 else f"in {self.states:.0%} of states at most, "
         size = (
-            f"{where}the error bound of {1e3 * self.bound_m:.3g} mm at disk {self.disk} is {self.bound_m / self.radius_m:.0%} "
-            f"of the disk's radius of {1e3 * self.radius_m:.3g} mm"
+            f"{where}the error bound of {1e3 * self.bound_m:.3g} mm at disk {self.disk} is "
+            f"{self.bound_m / self.radius_m:.0%} of the disk's radius of {1e3 * self.radius_m:.3g} mm"
         )
         if self.fit:
             return f"fit for planning: {size}, at most {FIT_IN_RADII:.0%} is"

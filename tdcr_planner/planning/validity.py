@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.collision.scene import Verdict
 from tdcr_planner.limits import ROUNDING, at_most
 from tdcr_planner.planning.kernels import actuate, actuation_tables, gap_curvatures, to_world
+from tdcr_planner.planning.margin_levels import Levels, MarginLevels
 from tdcr_planner.planning.reasons import contact_reason
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
@@ -24,7 +26,7 @@ Codes = NDArray[np.int8]
 
 
 class Cause(StrEnum):
-    """Why a configuration or an edge is rejected. The first four stand in the order of the scene's verdict codes."""
+    """Why a configuration or an edge is rejected."""
 
     OBSTACLE = "obstacle"
     CAVITY = "cavity"
@@ -44,15 +46,30 @@ class Cause(StrEnum):
         return _CODES[self]
 
 
-CAUSES = tuple(Cause)
-_CODES = {cause: index + 1 for index, cause in enumerate(CAUSES)}
+_VERDICTS = {
+    Cause.OBSTACLE: Verdict.OBSTACLE,
+    Cause.CAVITY: Verdict.CAVITY,
+    Cause.SELF_COLLISION: Verdict.SELF,
+    Cause.NOT_FINITE: Verdict.UNDEFINED,
+}
+_OTHERS = [cause for cause in Cause if cause not in _VERDICTS]
+# The scene's verdicts keep their codes; the causes that it does not know follow them.
+_CODES = {cause: int(verdict) for cause, verdict in _VERDICTS.items()} | {
+    cause: max(Verdict) + number for number, cause in enumerate(_OTHERS, start=1)
+}
+CAUSES = tuple(sorted(_CODES, key=lambda cause: _CODES[cause]))
+"""The causes in the order of their codes, of which the first is 1."""
 
 
 class Scene(Protocol):
     """What the search asks of a collision scene; see `tdcr_planner.collision.scene.CollisionScene`."""
 
     def check(self, positions: FloatArray, rotations: FloatArray) -> Any:
-        """Returns a verdict code a state, shape (n,): 0 free, else the place of a `Cause` plus 1."""
+        """Returns a verdict code a state, shape (n,): 0 free, else the code of a `Cause`."""
+        ...
+
+    def find_hit(self, positions: FloatArray, rotations: FloatArray) -> tuple[int, int]:
+        """Returns the first state that is not free, of n in order, and its verdict code; -1 and 0 where all are."""
         ...
 
     def first_contact(self, positions: FloatArray, rotations: FloatArray) -> Any:
@@ -77,11 +94,13 @@ class Shapes:
         codes: Shape (n,); 0 where nothing speaks against the row so far.
         positions: Shape (n, d, 3), m, world frame; not to be used where the code is not 0.
         rotations: world_from_disk, shape (n, d, 3, 3).
+        levels: Level of each state's margin, shape (n,); None where all keep the same.
     """
 
     codes: Codes
     positions: FloatArray
     rotations: FloatArray
+    levels: Levels | None = None
 
 
 def planning_margins(scenario: Scenario, model: ShapeModel) -> FloatArray:
@@ -98,15 +117,30 @@ class ValidityChecker:
     Attributes:
         space: The configuration space whose rows it tests.
         model: The shape model that it asks.
-        scene: The scene, whose body is inflated by `planning_margins`.
+        scene: The scene, whose body is inflated by `planning_margins`; where each state has a margin of its own, by
+            the least of them.
         states_checked: How many states it has tested.
         rejected: How many states were rejected for each cause.
     """
 
-    def __init__(self, space: ConfigurationSpace, model: ShapeModel, scene: Scene) -> None:
-        """Prepares the checker; nothing is tested yet."""
+    def __init__(
+        self, space: ConfigurationSpace, model: ShapeModel, scene: Scene, *, base_margins: FloatArray | None = None
+    ) -> None:
+        """Prepares the checker; nothing is tested yet.
+
+        Args:
+            space: The configuration space.
+            model: The shape model.
+            scene: The scene, grown by its margins.
+            base_margins: What each disk keeps besides an error bound that follows the state, shape (d,), m; None where
+                the scene's margins hold for all states.
+        """
         self.space = space
         self.model = model
+        self._levels = None
+        if base_margins is not None and model.bound_follows_state:
+            self._levels = MarginLevels(scene, base_margins, model.error_bound)
+            scene = self._levels.scene(0)
         self.scene = scene
         self.robot: RobotSpec = space.robot
         self.states_checked = 0
@@ -115,10 +149,10 @@ class ValidityChecker:
         self._tables = actuation_tables(space, ROUNDING * self.robot.max_tensions)
         self._limits = RobotLimits(self.robot)
         self._always_in_domain = self._domain_holds_everywhere()
-        self._disk_poses = getattr(model, "disk_poses_unchecked", None) or _checked_poses(model)
+        self._disk_poses = model.disk_poses_unchecked
 
     def check(self, rows: FloatArray) -> Codes:
-        """Returns a code a row: 0 for valid, else that of the `Cause` (its place in `CAUSES` plus 1).
+        """Returns a code a row: 0 for valid, else that of the `Cause`.
 
         Args:
             rows: Configurations, shape (n, dimension).
@@ -171,14 +205,29 @@ class ValidityChecker:
     def collide(self, shapes: Shapes, which: slice | NDArray[Any] = slice(None)) -> None:
         """Asks the scene about the rows that nothing speaks against and writes its verdicts into their codes."""
         codes = shapes.codes[which]
-        if not codes.any():
+        if self._levels is None and not codes.any():
             shapes.codes[which] = self.scene.check(shapes.positions[which], shapes.rotations[which])
             return
         alive = np.flatnonzero(codes == 0)
-        if len(alive):
-            codes = codes.copy()
-            codes[alive] = self.scene.check(shapes.positions[which][alive], shapes.rotations[which][alive])
-            shapes.codes[which] = codes
+        codes = codes.copy()
+        for scene, part in self._by_scene(None if shapes.levels is None else shapes.levels[which], alive):
+            codes[part] = scene.check(shapes.positions[which][part], shapes.rotations[which][part])
+        shapes.codes[which] = codes
+
+    def scene_for(self, shapes: Shapes) -> Scene:
+        """Returns the scene whose margins cover all of some states."""
+        if self._levels is None or shapes.levels is None:
+            return self.scene
+        return cast(Scene, self._levels.scene(int(shapes.levels.max(initial=0))))
+
+    def _by_scene(self, levels: Levels | None, which: NDArray[Any]) -> Iterator[tuple[Scene, NDArray[Any]]]:
+        """Yields the scene of each margin among some states, and which of them keep it."""
+        if self._levels is None or levels is None:
+            if len(which):
+                yield self.scene, which
+            return
+        for level in np.unique(levels[which]):
+            yield self._levels.scene(int(level)), which[levels[which] == level]
 
     def slack(self, configurations: FloatArray, cap: float) -> FloatArray:
         """Returns how far the body may move at each configuration without coming nearer than it must.
@@ -199,12 +248,11 @@ class ValidityChecker:
         self.collide(shapes)
         found = np.full(len(configurations), -np.inf)
         free = shapes.codes == 0
-        if free.any():
-            found[free] = self.scene.prover.slack(shapes.positions[free], shapes.rotations[free], cap)
-        hit = known & ~free
-        if hit.any():
-            clearance = self.scene.clearance(shapes.positions[hit], shapes.rotations[hit])
-            found[hit] = np.minimum(clearance - self.scene.prover.required.max(initial=0.0), 0.0)
+        for scene, part in self._by_scene(shapes.levels, np.flatnonzero(free)):
+            found[part] = scene.prover.slack(shapes.positions[part], shapes.rotations[part], cap)
+        for scene, part in self._by_scene(shapes.levels, np.flatnonzero(known & ~free)):
+            clearance = scene.clearance(shapes.positions[part], shapes.rotations[part])
+            found[part] = np.minimum(clearance - scene.prover.required.max(initial=0.0), 0.0)
         self.count(shapes.codes)
         return found
 
@@ -240,7 +288,9 @@ class ValidityChecker:
         if cause not in (Cause.OBSTACLE, Cause.CAVITY, Cause.SELF_COLLISION):
             return self._limits.explain(cause, self.robot, self.actuate(row[None]).tensions[0])
         bound = np.asarray(self.model.error_bound)
-        reason = contact_reason(self.scene, bound, shapes.positions[0], shapes.rotations[0])
+        if self._levels is not None and shapes.levels is not None:
+            bound = self._levels.bound(int(shapes.levels[0]))
+        reason = contact_reason(self.scene_for(shapes), bound, shapes.positions[0], shapes.rotations[0])
         return f"{cause.value}: {reason}" if reason else cause.value
 
     @cached_property
@@ -254,11 +304,11 @@ class ValidityChecker:
     def _domain_holds_everywhere(self) -> bool:
         """Returns whether every row within the tension limits is inside the model's domain, told once.
 
-        The domain of a model with a card is a box of tensions from 0 and a ball for each load. Roll turns the loads
-        and keeps their size, so the corner of largest tensions, under the loads as they are, stands for all rows. Rows
-        beyond the tension limits are rejected before.
+        Where the domain is a box of tensions from 0 and a ball for each load, the corner of largest tensions, under
+        the loads as they are, stands for all rows: roll turns the loads and keeps their size. Rows beyond the tension
+        limits are rejected before.
         """
-        if not hasattr(self.model, "card"):
+        if not self.model.domain_is_box:
             return False
         *_, gravity, tip_force = self.space.world
         corner = self.robot.max_tensions[None]
@@ -276,21 +326,23 @@ class ValidityChecker:
         disks = self.robot.disk_count
         shapes = Shapes(codes, np.full((len(codes), disks, 3), np.nan), np.full((len(codes), disks, 3, 3), np.nan))
         if len(alive):
-            part = Actuation(
-                actuation.tensions[alive],
-                actuation.gravity[alive],
-                actuation.tip_force[alive],
-                actuation.base_positions[alive],
-                actuation.base_rotations[alive],
-            )
-            posed = self._pose_all(part, np.zeros(len(alive), dtype=np.int8))
+            posed = self._pose_all(actuation.take(alive), np.zeros(len(alive), dtype=np.int8))
             shapes.codes[alive] = posed.codes
             shapes.positions[alive] = posed.positions
             shapes.rotations[alive] = posed.rotations
+            if posed.levels is not None:
+                shapes.levels = np.zeros(len(codes), dtype=np.int8)
+                shapes.levels[alive] = posed.levels
         return shapes
 
     def _pose_all(self, actuation: Actuation, codes: Codes) -> Shapes:
-        poses = self._disk_poses(actuation.tensions, actuation.gravity, actuation.tip_force)
+        inputs = actuation.tensions, actuation.gravity, actuation.tip_force
+        levels = None
+        if self._levels is None:
+            poses = self._disk_poses(*inputs)
+        else:
+            poses, bounds = self.model.poses_and_bounds(*inputs)
+            levels = self._levels.of(bounds)
         positions, rotations, finite, broken = to_world(
             poses.positions, poses.rotations, actuation.base_positions, actuation.base_rotations
         )
@@ -298,7 +350,7 @@ class ValidityChecker:
             codes[~finite] = Cause.NOT_FINITE.code
         if not poses.solved.all():
             codes[~poses.solved] = Cause.NO_SHAPE.code
-        return Shapes(codes, positions, rotations)
+        return Shapes(codes, positions, rotations, levels)
 
 
 class RobotLimits:
@@ -418,10 +470,3 @@ def sample_within_tensions(checker: ValidityChecker, count: int, generator: np.r
 def rejections(counts: dict[Cause, int] | Iterable[tuple[Cause, int]]) -> dict[str, int]:
     """Returns the counts by cause as plain names, without the zeros."""
     return {cause.value: count for cause, count in dict(counts).items() if count}
-
-
-def _checked_poses(model: ShapeModel) -> Any:
-    def disk_poses(tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> Any:
-        return model.disk_poses(tensions, gravity=gravity, tip_force=tip_force)
-
-    return disk_poses

@@ -15,6 +15,7 @@ from matplotlib import animation
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.files import write_file_whole
+from tdcr_planner.query.result import PlanResult
 from tdcr_planner.report import plots, raster
 from tdcr_planner.report.glb import write_glb
 from tdcr_planner.report.picture import Picture
@@ -23,7 +24,6 @@ from tdcr_planner.report.scene_png import write_png
 from tdcr_planner.report.state_files import trajectory_table, write_shapes, write_trajectory_csv
 from tdcr_planner.report.text import figure_text
 from tdcr_planner.report.viewpoint import choose_camera
-from tdcr_planner.session import PlanResult
 
 TRAJECTORY_FORMAT = "tdcr-trajectory/1"
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
 
 WARM_UPS = 3
@@ -46,10 +47,11 @@ class ShapeModel(ABC):
 
     Attributes:
         name: What scenario and suite files call it.
-        title: What pictures and tables call it.
+        title: What pictures and tables call it; its name where it is empty.
         colour: Its colour in pictures, "#rrggbb".
         marker: Its marker in plots, as matplotlib names it.
         needs_file: Whether it is loaded from the file that the scenario names as its shape_model.
+        has_error_bound: Whether it states a bound on its error, so that verdicts with and without it differ.
         is_fast: Whether thousands of shapes in a call cost little; goal states are sampled more sparsely without it.
         domain_is_box: Whether its domain is a box of tensions from 0 and a ball for each load, so that the largest
             tensions stand for all.
@@ -57,6 +59,7 @@ class ShapeModel(ABC):
         error_bound: Bound on the position error of each disk against the reference, all states, shape (d,), m; zeros
             for a model that states none.
         sha256: Hash of the file that decides its answers; None without a file.
+        bound_follows_state: Whether each state has a bound of its own, `error_bound_at`.
     """
 
     name: ClassVar[str]
@@ -64,12 +67,19 @@ class ShapeModel(ABC):
     colour: ClassVar[str] = "#6E6E6E"
     marker: ClassVar[str] = "^"
     needs_file: ClassVar[bool] = False
+    has_error_bound: ClassVar[bool] = False
     is_fast: ClassVar[bool] = True
     domain_is_box: ClassVar[bool] = False
 
     robot: RobotSpec
     error_bound: FloatArray
     sha256: str | None = None
+    bound_follows_state: bool = False
+
+    @classmethod
+    def label(cls) -> str:
+        """Returns what pictures and tables call the model."""
+        return cls.title or cls.name.replace("_", " ")
 
     @classmethod
     @abstractmethod
@@ -136,6 +146,27 @@ class ShapeModel(ABC):
             tip_force: Shape (n, 3), N, base frame.
         """
         return self.error_bound
+
+    def poses_and_bounds(
+        self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray
+    ) -> tuple[DiskPoses, FloatArray]:
+        """Returns `disk_poses_unchecked` and `error_bound_at` of the same states, for models that know both at once."""
+        inputs = tensions, gravity, tip_force
+        return self.disk_poses_unchecked(*inputs), self.error_bound_at(*inputs)
+
+    def use(self, *, engine: str | None = None, device: str = "cpu", bound: str = "state") -> None:  # noqa: ARG002
+        """Chooses what evaluates a model of a file, where, and which bound it states; by default there is no choice.
+
+        Args:
+            engine: Name of what evaluates it; None for the fastest.
+            device: "cpu" or "cuda".
+            bound: "state" or "uniform".
+
+        Raises:
+            InputError: The model has no such engine, or there is no such device.
+        """
+        if engine is not None:
+            raise InputError("shape_engine", f"none, which the model {self.name!r} does not have", engine)
 
     def warm_up(self) -> None:
         """Answers a few times, so that what the first answers cost is no part of a query's time."""

@@ -1,4 +1,4 @@
-"""The convention of a foreign network: what it takes and gives, in which order, units and frame, and the way to ours."""
+"""The convention of a foreign network: what it takes and gives, in which order, units and frame, and back to ours."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One step of correction by mechanics: the shape that a shape's own loads would give, and how far it still is from rest."""
+"""One step of correction by mechanics: the shape that a shape's own loads would give, and how far it is from rest."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ _DIFFERENCE = 1e-7  # N m, as in `rod_kernel.tip_residual_jacobian`
 _AT_REST = 1e-12
 # A step of the base moment beyond this part of the moment that the loads can exert is no small correction.
 _LONGEST_STEP = 2.0
+
+
+Inputs = tuple[FloatArray, FloatArray, FloatArray]
+"""Tensions (n, t) N, gravity (n, 3) m/s^2 and tip force (n, 3) N."""
 
 
 @dataclass(frozen=True)
@@ -73,23 +77,27 @@ class Corrector:
             gravity: Shape (n, 3), m/s^2, base frame.
             tip_force: Shape (n, 3), N, base frame.
         """
-        inputs = tuple(np.ascontiguousarray(array) for array in (tensions, gravity, tip_force))
+        inputs = _contiguous(tensions, gravity, tip_force)
         moment = np.ascontiguousarray(self.base_moments(positions, gravity, tip_force))
-        p, rotation, left_over = integrate_poses(self._constants, *inputs, moment)
+        p, rotation, left_over = self._integrate(inputs, moment)
         size = self._length * np.linalg.norm(tip_force + self._constants.base_mass * gravity, axis=1)
         residual = np.linalg.norm(left_over, axis=1)
         remainder = np.zeros(positions.shape[:2])
         moving = np.flatnonzero(~(residual <= _AT_REST * np.maximum(size, 1e-6)))
         if len(moving):
-            part = tuple(array[moving] for array in inputs)
+            part = tensions[moving], gravity[moving], tip_force[moving]
             start = moment[moving], p[moving], rotation[moving], left_over[moving]
             corrected = self._step(part, *start, _LONGEST_STEP * np.maximum(size[moving], 1e-6))
             p[moving], rotation[moving], residual[moving], remainder[moving] = corrected
         return Correction(p, rotation, residual, remainder)
 
+    def _integrate(self, inputs: Inputs, moment: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        tensions, gravity, tip_force = inputs
+        return integrate_poses(self._constants, tensions, gravity, tip_force, moment)
+
     def _step(
         self,
-        inputs: tuple[FloatArray, ...],
+        inputs: Inputs,
         moment: FloatArray,
         positions: FloatArray,
         rotations: FloatArray,
@@ -101,8 +109,9 @@ class Corrector:
         moments = np.tile(moment, (3, 1))
         for axis in range(3):
             moments[axis * count : (axis + 1) * count, axis] += _DIFFERENCE
-        tiled = tuple(np.tile(array, (3, 1)) for array in inputs)
-        moved, turned, residuals = integrate_poses(self._constants, *tiled, moments)
+        tensions, gravity, tip_force = (np.tile(array, (3, 1)) for array in inputs)
+        tiled = tensions, gravity, tip_force
+        moved, turned, residuals = self._integrate(tiled, moments)
         jacobian = np.stack(
             [(residuals[axis * count : (axis + 1) * count] - left_over) / _DIFFERENCE for axis in range(3)], axis=2
         )
@@ -110,7 +119,7 @@ class Corrector:
         size = np.linalg.norm(step, axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
             step *= np.where(size > longest, longest / size, 1.0)[:, None]
-        p, rotation, after = integrate_poses(self._constants, *inputs, moment - step)
+        p, rotation, after = self._integrate(inputs, moment - step)
         ahead = _solve(jacobian, after)
         slope = (moved.reshape(3, count, -1, 3) - positions) / _DIFFERENCE
         # Rotation vectors of R' R^T to first order, from its skew part.
@@ -127,12 +136,18 @@ class Corrector:
         turns = np.linalg.norm(np.einsum("andk,na->ndk", turn, ahead), axis=2)
         return p, rotation, np.linalg.norm(after, axis=1), moves + self._radii * turns
 
-    def distance(
-        self, positions: FloatArray, rotations: FloatArray, other_positions: FloatArray, other_rotations: FloatArray
-    ) -> FloatArray:
-        """Returns how far any point of each disk is between two shapes, shape (n, d), m, as errors are measured."""
-        chord = 2.0 * np.sin(0.5 * rotation_distance(rotations, other_rotations))
-        return np.asarray(np.linalg.norm(positions - other_positions, axis=2) + self._radii * chord)
+    def scale(self, positions: FloatArray, rotations: FloatArray, step: Correction) -> FloatArray:
+        """Returns how far one step moved any point of each disk, and the next one would move it, shape (n, d), m.
+
+        It is measured as errors are: the distance of the centres plus disk radius times the chord of the rotation.
+        """
+        chord = 2.0 * np.sin(0.5 * rotation_distance(rotations, step.rotations))
+        moved = np.linalg.norm(positions - step.positions, axis=2) + self._radii * chord
+        return np.asarray(moved + step.remainder)
+
+
+def _contiguous(tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> Inputs:
+    return np.ascontiguousarray(tensions), np.ascontiguousarray(gravity), np.ascontiguousarray(tip_force)
 
 
 def _solve(matrices: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.shape.convention import decode, encode
 from tdcr_planner.shape.foreign_network import load_network
-from tdcr_planner.shape.model_file import Engine, ModelFile
+from tdcr_planner.shape.model_file import ModelFile
 from tdcr_planner.shape.rod_kernel import rod_constants
 from tdcr_planner.shape.shooting import ShootingFunction
 
@@ -29,27 +29,26 @@ class Evaluator(Protocol):
         ...
 
 
-def make_evaluator(path: Path, content: ModelFile, engine: Engine | None = None, device: Device = "cpu") -> Evaluator:
+def make_evaluator(path: Path, content: ModelFile, engine: str, device: str = "cpu") -> Evaluator:
     """Returns what evaluates a model file.
 
     Args:
         path: The file, for messages.
         content: What it holds.
-        engine: Which; None for the fastest that the file has.
+        engine: Which, one of `model_file.Engine`.
         device: "cpu" or, with torch, "cuda".
 
     Raises:
         InputError: The file has no such engine, or there is no such device.
         FormatError: An adopted network does not load.
     """
-    chosen = engine or content.engines[0]
-    if chosen not in content.engines:
-        raise InputError("shape_engine", f"one that {path} has: {', '.join(content.engines)}", chosen)
-    if device == "cuda" and chosen != "torchscript":
-        raise InputError("shape_device", f"cpu for the engine {chosen!r}; 'torchscript' runs on a GPU", device)
+    if engine not in content.engines:
+        raise InputError("shape_engine", f"one that {path} has: {', '.join(content.engines)}", engine)
+    if device == "cuda" and engine != "torchscript":
+        raise InputError("shape_device", f"cpu for the engine {engine!r}; 'torchscript' runs on a GPU", device)
     if content.foreign is not None:
         return _AdoptedNetwork(path, content, device)
-    if chosen == "compiled":
+    if engine == "compiled":
         assert content.weights is not None  # only files with weights have this engine
         return ShootingFunction(rod_constants(content.card.robot), content.weights)
     return _OwnModule(path, content, device)
@@ -58,7 +57,7 @@ def make_evaluator(path: Path, content: ModelFile, engine: Engine | None = None,
 class _OwnModule:
     """The TorchScript module of this project's own classes."""
 
-    def __init__(self, path: Path, content: ModelFile, device: Device) -> None:
+    def __init__(self, path: Path, content: ModelFile, device: str) -> None:
         from tdcr_planner.shape.torch_module import paper_module, shooting_module, to_device
 
         if content.weights is not None:
@@ -80,9 +79,10 @@ class _OwnModule:
 class _AdoptedNetwork:
     """Somebody else's network, asked and understood by its convention."""
 
-    def __init__(self, path: Path, content: ModelFile, device: Device) -> None:
+    def __init__(self, path: Path, content: ModelFile, device: str) -> None:
         adoption = content.card.adoption
-        assert adoption is not None and content.foreign is not None  # an adopted model has both
+        assert adoption is not None  # an adopted model has it, and the network
+        assert content.foreign is not None
         self._path = path
         self._robot = content.card.robot
         self._convention = adoption.convention

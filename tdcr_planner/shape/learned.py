@@ -62,11 +62,13 @@ class LearnedShape(ShapeModel):
     """
 
     name = "learned"
-    title = "learned, with its error bound"
+    title = "learned"
     colour = "#0072B2"
     marker = "o"
     needs_file = True
+    has_error_bound = True
     domain_is_box = True
+    sha256: str
 
     def __init__(
         self,
@@ -90,12 +92,16 @@ class LearnedShape(ShapeModel):
         self._residual_limit = np.inf if limit is None else limit
         self._content = content
         self._corrects = card.adoption is not None and card.adoption.correct
+        self._chosen: tuple[str, str] | None = None
         self.use(engine=engine, device=device, bound=bound)
 
-    def use(self, *, engine: Engine | None = None, device: Device = "cpu", bound: BoundKind = "state") -> None:
+    def use(self, *, engine: str | None = None, device: str = "cpu", bound: str = "state") -> None:
         """Chooses what evaluates the model, where, and which bound it states; see `load_shape_model`."""
-        self._evaluate: Evaluator = make_evaluator(self.path, self._content, engine, device)
-        self.engine: Engine = engine or self._content.engines[0]
+        chosen = engine or self._content.engines[0], device
+        if chosen != self._chosen:
+            self._evaluate: Evaluator = make_evaluator(self.path, self._content, *chosen)
+            self._chosen = chosen
+        self.engine = chosen[0]
         margin = self.card.state_margin
         self.bound_follows_state = bound == "state" and margin is not None
         disks = self.card.error_bound.disk_m
@@ -196,8 +202,7 @@ class LearnedShape(ShapeModel):
         step = self._corrector.correct(positions, *inputs)
         if self._corrects:
             return Answer(step.positions, step.rotations, step.residual, step.remainder)
-        apart = self._corrector.distance(positions, rotations, step.positions, step.rotations)
-        return Answer(positions, rotations, residual, step.remainder + apart)
+        return Answer(positions, rotations, residual, self._corrector.scale(positions, rotations, step))
 
     def _bounds(self, scale: FloatArray) -> FloatArray:
         margin = self.card.state_margin

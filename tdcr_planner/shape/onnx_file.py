@@ -8,11 +8,14 @@ from typing import Any
 from tdcr_planner.errors import FormatError, MissingLibraryError
 from tdcr_planner.inputs import open_file
 from tdcr_planner.shape.script_archive import MOST_BYTES
+from tdcr_planner.shape.script_rules import names_in
 
 _DOMAINS = ("", "ai.onnx")
 # Values at random, and operators that train.
-_REFUSED = frozenset(
-    ["Bernoulli", "Multinomial", "RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike", "Gradient"]
+_REFUSED = names_in(
+    """
+    Bernoulli Multinomial RandomNormal RandomNormalLike RandomUniform RandomUniformLike Gradient
+    """
 )
 _MOST_NODES = 200_000
 

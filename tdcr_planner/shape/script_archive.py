@@ -123,7 +123,7 @@ def _check_pickles(archive: Archive, prefix: str, classes: frozenset[str]) -> tu
 
 
 class _ForeignReader(ModuleReader):
-    """Follows the pickle of any module: objects of the archive's own classes, tensors, lists, tables and plain values."""
+    """Follows the pickle of any module: objects of the archive's classes, tensors, lists, tables and plain values."""
 
     def __init__(self, archive: Archive, folder: str, classes: frozenset[str]) -> None:
         super().__init__(archive, folder)
@@ -161,7 +161,9 @@ class _ForeignReader(ModuleReader):
     def _reduce(self) -> None:
         arguments = self._stack.pop()
         function = self._stack.pop().name
-        if (function in _LISTS and len(arguments) == 1 and isinstance(arguments[0], list)) or (function == _TAG and len(arguments) == 2 and _TAG_TEXT.match(arguments[1])):
+        if (function in _LISTS and len(arguments) == 1 and isinstance(arguments[0], list)) or (
+            function == _TAG and len(arguments) == 2 and _TAG_TEXT.match(arguments[1])
+        ):
             self._stack.append(arguments[0])
         else:
             self._stack.extend((StoredName(function), arguments))

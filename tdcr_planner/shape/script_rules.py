@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+
+def names_in(text: str) -> frozenset[str]:
+    """Returns the words of a text."""
+    return frozenset(text.split())
+
+
 _ARITHMETIC = """
 abs acos acosh add addbmm addcdiv addcmul addmm addmv addr alias angle asin asinh atan atan2 atanh arccos arccosh arcsin
 arcsinh arctan arctan2 arctanh baddbmm ceil clamp clamp_max clamp_min clip copysign cos cosh deg2rad digamma div divide
@@ -44,9 +50,9 @@ fft_fft fft_ifft fft_irfft fft_rfft _transformer_encoder_layer_fwd
 _SHAPING = """
 atleast_1d atleast_2d atleast_3d broadcast_tensors broadcast_to cartesian_prod cat chunk clone column_stack complex
 concat concatenate conj contiguous copy_ detach dstack expand expand_as flatten flip fliplr flipud gather hsplit hstack
-imag index index_add index_copy_ index_fill index_put index_put_ index_select masked_fill masked_select meshgrid moveaxis
-movedim narrow nonzero numpy_T one_hot permute ravel real repeat repeat_interleave reshape reshape_as resolve_conj
-resolve_neg roll rot90 scatter scatter_add searchsorted select select_scatter slice slice_scatter split
+imag index index_add index_copy_ index_fill index_put index_put_ index_select masked_fill masked_select meshgrid
+moveaxis movedim narrow nonzero numpy_T one_hot permute ravel real repeat repeat_interleave reshape reshape_as
+resolve_conj resolve_neg roll rot90 scatter scatter_add searchsorted select select_scatter slice slice_scatter split
 split_with_sizes squeeze stack swapaxes swapdims t take take_along_dim tensor_split tile transpose tril triu unbind
 unflatten unfold unsafe_chunk unsafe_split unsqueeze view view_as view_as_complex view_as_real vsplit vstack where
 T mT bucketize block_diag
@@ -56,9 +62,9 @@ arange as_tensor eye full full_like linspace logspace new_full new_ones new_tens
 scalar_tensor tensor tril_indices triu_indices zeros zeros_like
 """
 _ASKING = """
-Bool Float FloatImplicit Int IntImplicit ScalarImplicit Size device dim is_complex is_floating_point is_grad_enabled is_autocast_enabled
-is_autocast_cpu_enabled is_nonzero is_scripting item len requires_grad size stride type_as to ndim nelement result_type promote_types
-_shape_as_tensor __tensor_size _unwrap_optional
+Bool Float FloatImplicit Int IntImplicit ScalarImplicit Size device dim is_complex is_floating_point is_grad_enabled
+is_autocast_enabled is_autocast_cpu_enabled is_nonzero is_scripting item len requires_grad size stride type_as to ndim
+nelement result_type promote_types _shape_as_tensor __tensor_size _unwrap_optional
 """
 # Lists, tables and texts; texts only word the messages of exceptions.
 _CONTAINERS = "append dict extend format get items join keys list str update values clear copy insert pop reverse index"
@@ -70,7 +76,7 @@ relu6_ remainder_ round_ rsqrt_ scatter_ scatter_add_ sigmoid_ sign_ silu_ sin_ 
 threshold_ transpose_ tril_ triu_ trunc_ unsqueeze_ xlogy_ zero_
 """
 
-OPERATORS = frozenset(
+OPERATORS = names_in(
     " ".join(
         (
             _ARITHMETIC,
@@ -84,25 +90,34 @@ OPERATORS = frozenset(
             _CONTAINERS,
             _IN_PLACE,
         )
-    ).split()
+    )
 )
 """Names of `torch.NAME(...)` and of methods of tensors and lists: values in, values out, and no other effect."""
 
-PRIMITIVES = frozenset(
-    ["NumToTensor", "RaiseException", "abs", "device", "dtype", "is_cpu", "is_cuda", "is_meta", "is_mkldnn", "is_nested", "is_quantized", "is_sparse", "layout", "max", "min", "rangelist", "requires_grad", "tolist", "type", "unchecked_cast", "unchecked_unwrap_optional", "itemsize", "is_mps", "is_xpu", "ConstantChunk", "TupleIndex", "TupleUnpack", "data"]
+PRIMITIVES = names_in(
+    """
+    NumToTensor RaiseException abs device dtype is_cpu is_cuda is_meta is_mkldnn is_nested is_quantized is_sparse
+    layout max min rangelist requires_grad tolist type unchecked_cast unchecked_unwrap_optional itemsize is_mps
+    is_xpu ConstantChunk TupleIndex TupleUnpack data
+    """
 )
 """Names of `ops.prim.NAME(...)`."""
 
-BUILT_IN_CALLS = frozenset(
-    ["annotate", "bool", "complex", "float", "getattr", "int", "isinstance", "range", "str", "uninitialized", "unchecked_cast"]
+BUILT_IN_CALLS = names_in(
+    """
+    annotate bool complex float getattr int isinstance range str uninitialized unchecked_cast
+    """
 )
 """Names that are called without a module before them."""
 
 REMOVED = frozenset({"warn"})
 """Operators whose statements are left out of the code before it is loaded: warnings, which torch's own layers raise."""
 
-CREATING = frozenset(
-    ["arange", "broadcast_to", "expand", "eye", "full", "linspace", "logspace", "new_full", "new_ones", "new_zeros", "ones", "repeat", "tile", "zeros", "repeat_interleave", "one_hot", "tril_indices", "triu_indices"]
+CREATING = names_in(
+    """
+    arange broadcast_to expand eye full linspace logspace new_full new_ones new_zeros ones repeat tile zeros
+    repeat_interleave one_hot tril_indices triu_indices
+    """
 )
 """Operators whose sizes decide how much memory they take; a constant size is bounded by `MOST_NUMBERS`."""
 
@@ -111,7 +126,10 @@ MOST_NUMBERS = 20_000_000
 LONGEST_LOOP = 100_000
 """Steps of a loop over a constant range."""
 
-TYPE_NAMES = frozenset(
-    ["Any", "Dict", "Final", "List", "Module", "NoneType", "Optional", "Tensor", "Tuple", "Union", "bool", "complex", "dict", "float", "int", "list", "number", "str", "tuple", "Device"]
+TYPE_NAMES = names_in(
+    """
+    Any Dict Final List Module NoneType Optional Tensor Tuple Union bool complex dict float int list number str
+    tuple Device
+    """
 )
 """Names that annotations are made of, besides the archive's own classes."""

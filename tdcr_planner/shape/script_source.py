@@ -18,14 +18,17 @@ from tdcr_planner.shape.script_rules import (
     PRIMITIVES,
     REMOVED,
     TYPE_NAMES,
+    names_in,
 )
 
 LONGEST_SOURCE = 4_000_000
 _DEEPEST = 100  # levels of a statement or expression
 _UNSAFE_IN_TEXT = re.compile(r"[^A-Za-z0-9_ .,:;()\[\]{}=+*/<>!?%&|@#^~>-]")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
-_CLASS_TABLES = frozenset(
-    ["__parameters__", "__buffers__", "__forward_pre_hooks__", "__forward_hooks__", "__annotations__", "__constants__"]
+_CLASS_TABLES = names_in(
+    """
+    __parameters__ __buffers__ __forward_pre_hooks__ __forward_hooks__ __annotations__ __constants__
+    """
 )
 # The few methods of classes with underscores that containers of layers have; none is called by itself.
 _DUNDERS = frozenset(["__len__", "__contains__", "__getitem__"])
@@ -35,7 +38,7 @@ _EXPRESSIONS = (
 )  # fmt: skip
 
 
-class _Refused(ValueError):
+class _RefusedError(ValueError):
     """Code that is not let through, and why."""
 
 
@@ -74,7 +77,7 @@ def check_source(path: Path, files: dict[str, str]) -> ScriptSource:
         checker = _Checker(defined)
         try:
             tree.body = [checker.top_level(statement) for statement in tree.body]
-        except (_Refused, RecursionError) as error:
+        except (_RefusedError, RecursionError) as error:
             raise FormatError(path, f"holds code that this program does not run: {error}", f"code/{name}") from error
         for node in tree.body:
             if isinstance(node, ast.ClassDef):
@@ -161,16 +164,16 @@ class _Checker:
             return node
         if isinstance(node, ast.Import) and all(alias.name.startswith("__torch__") for alias in node.names):
             return node
-        raise _Refused(f"{_describe(node)} outside of a class or function")
+        raise _RefusedError(f"{_describe(node)} outside of a class or function")
 
     def _class(self, node: ast.ClassDef) -> ast.ClassDef:
         bases = [base.id for base in node.bases if isinstance(base, ast.Name)]
         if bases not in (["Module"], ["NamedTuple"]) or len(node.bases) != 1 or node.keywords or node.decorator_list:
-            raise _Refused(f"class {node.name} of another kind than Module or NamedTuple")
+            raise _RefusedError(f"class {node.name} of another kind than Module or NamedTuple")
         for item in node.body:
             if isinstance(item, ast.FunctionDef):
                 if item.name.startswith("__") and item.name not in _DUNDERS:
-                    raise _Refused(f"class {node.name} has a method {item.name}")
+                    raise _RefusedError(f"class {node.name} has a method {item.name}")
                 self._function(item)
             elif isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name):
                 self._type(item.annotation)
@@ -179,7 +182,7 @@ class _Checker:
             elif isinstance(item, ast.Assign):
                 self._class_table(node, item)
             elif not isinstance(item, ast.Pass):
-                raise _Refused(f"{_describe(item)} in class {node.name}")
+                raise _RefusedError(f"{_describe(item)} in class {node.name}")
         return node
 
     def _class_table(self, node: ast.ClassDef, item: ast.Assign) -> None:
@@ -191,12 +194,12 @@ class _Checker:
         elif len(item.targets) == 1 and isinstance(target, ast.Name) and target.id in _CLASS_TABLES:
             self._expression(item.value)
         else:
-            raise _Refused(f"{_describe(item)} in class {node.name}")
+            raise _RefusedError(f"{_describe(item)} in class {node.name}")
 
     def _function(self, node: ast.FunctionDef) -> ast.FunctionDef:
         arguments = node.args
         if node.decorator_list or arguments.vararg or arguments.kwarg or arguments.posonlyargs:
-            raise _Refused(f"function {node.name} with a decorator or arguments of any number")
+            raise _RefusedError(f"function {node.name} with a decorator or arguments of any number")
         for argument in (*arguments.args, *arguments.kwonlyargs):
             if argument.annotation is not None:
                 self._type(argument.annotation)
@@ -212,7 +215,7 @@ class _Checker:
     def _block(self, statements: list[ast.stmt]) -> list[ast.stmt]:
         self._depth += 1
         if self._depth > _DEEPEST:
-            raise _Refused(f"statements nested more than {_DEEPEST} levels deep")
+            raise _RefusedError(f"statements nested more than {_DEEPEST} levels deep")
         kept = [self._statement(statement) for statement in statements]
         self._depth -= 1
         return kept
@@ -243,9 +246,9 @@ class _Checker:
             self._loop_range(node.iter)
             node.body = self._block(node.body)
             if node.orelse:
-                raise _Refused("a loop with an `else`")
+                raise _RefusedError("a loop with an `else`")
             return node
-        raise _Refused(_describe(node))
+        raise _RefusedError(_describe(node))
 
     def _alone(self, node: ast.Expr) -> ast.stmt:
         """Checks a call whose value nobody takes; warnings are left out."""
@@ -266,7 +269,7 @@ class _Checker:
         name = _dotted(node.value)
         if name in self._defined.qualified:
             if len(node.targets) != 1 or not isinstance(node.targets[0], ast.Name):
-                raise _Refused("a function of the archive given more than one name")
+                raise _RefusedError("a function of the archive given more than one name")
             self._functions.add(node.targets[0].id)
             return node
         for target in node.targets:
@@ -284,33 +287,33 @@ class _Checker:
             if isinstance(part, ast.Tuple):
                 self._target(part)
             elif not (plain or own):
-                raise _Refused(f"an assignment to `{ast.unparse(part)[:60]}`")
+                raise _RefusedError(f"an assignment to `{ast.unparse(part)[:60]}`")
 
     def _loop_range(self, node: ast.expr) -> None:
         self._expression(node)
         if isinstance(node, ast.Call) and _is_name(node.func, "range"):
             for argument in node.args:
-                if isinstance(argument, ast.Constant) and isinstance(argument.value, int):
-                    if argument.value > LONGEST_LOOP:
-                        raise _Refused(f"a loop of {argument.value:,} steps, at most {LONGEST_LOOP:,} are let through")
+                steps = argument.value if isinstance(argument, ast.Constant) else 0
+                if isinstance(steps, int) and steps > LONGEST_LOOP:
+                    raise _RefusedError(f"a loop of {steps:,} steps, at most {LONGEST_LOOP:,} are let through")
 
     def _expression(self, node: ast.expr | ast.keyword) -> None:
         self._depth += 1
         if self._depth > _DEEPEST:
-            raise _Refused(f"an expression nested more than {_DEEPEST} levels deep")
+            raise _RefusedError(f"an expression nested more than {_DEEPEST} levels deep")
         if not isinstance(node, _EXPRESSIONS):
-            raise _Refused(_describe(node))
+            raise _RefusedError(_describe(node))
         if isinstance(node, ast.Constant):
             if isinstance(node.value, str):
                 # Texts name modes and word messages; what a parser may read in another way is left out of them.
                 node.value = _UNSAFE_IN_TEXT.sub("_", node.value)
             elif not isinstance(node.value, int | float | None):
-                raise _Refused(f"a constant of type {type(node.value).__name__}")
+                raise _RefusedError(f"a constant of type {type(node.value).__name__}")
         elif isinstance(node, ast.Name):
             if node.id in ("torch", "ops", "CONSTANTS", "__torch__") or (
                 node.id.startswith("__") and node.id not in _DUNDERS
             ):
-                raise _Refused(f"`{node.id}` by itself")
+                raise _RefusedError(f"`{node.id}` by itself")
         elif isinstance(node, ast.Attribute):
             self._attribute(node)
         elif isinstance(node, ast.Call):
@@ -324,9 +327,9 @@ class _Checker:
     def _attribute(self, node: ast.Attribute) -> None:
         name = _dotted(node)
         if name is not None and name.split(".")[0] in ("torch", "ops", "__torch__"):
-            raise _Refused(f"`{name}`")
+            raise _RefusedError(f"`{name}`")
         if node.attr.startswith("__"):
-            raise _Refused(f"attribute `{node.attr}`")
+            raise _RefusedError(f"attribute `{node.attr}`")
         if name is not None and name.startswith("CONSTANTS."):
             return
         self._expression(node.value)
@@ -340,19 +343,19 @@ class _Checker:
             space, _, operator = name.removeprefix("ops.").partition(".")
             known = PRIMITIVES if space == "prim" else OPERATORS if space == "aten" else frozenset()
             if operator not in known:
-                raise _Refused(f"operator `{name}`")
+                raise _RefusedError(f"operator `{name}`")
         elif name is not None and name.startswith("__torch__"):
             if name not in self._defined.qualified:
-                raise _Refused(f"`{name}`, which the archive does not define")
+                raise _RefusedError(f"`{name}`, which the archive does not define")
         elif isinstance(node.func, ast.Name):
             if node.func.id not in BUILT_IN_CALLS and node.func.id not in self._functions:
-                raise _Refused(f"a call of `{node.func.id}`")
+                raise _RefusedError(f"a call of `{node.func.id}`")
         elif isinstance(node.func, ast.Attribute):
             if node.func.attr not in self._defined.methods and node.func.attr not in OPERATORS:
-                raise _Refused(f"a call of `{node.func.attr}`")
+                raise _RefusedError(f"a call of `{node.func.attr}`")
             self._expression(node.func.value)
         else:
-            raise _Refused(f"a call of `{ast.unparse(node.func)[:60]}`")
+            raise _RefusedError(f"a call of `{ast.unparse(node.func)[:60]}`")
         for index, argument in enumerate(node.args):
             if types_first and index == (1 if name == "isinstance" else 0):
                 self._type(argument)
@@ -360,16 +363,16 @@ class _Checker:
                 self._expression(argument)
         for keyword in node.keywords:
             if keyword.arg is None:
-                raise _Refused("arguments of any number")
+                raise _RefusedError("arguments of any number")
             self._expression(keyword.value)
 
     def _operator(self, node: ast.Call, name: str) -> None:
         if name == "device":
             if len(node.args) != 1 or not isinstance(node.args[0], ast.Constant):
-                raise _Refused("a device that is no constant")
+                raise _RefusedError("a device that is no constant")
             return
         if name not in OPERATORS:
-            raise _Refused(f"operator `torch.{name}`")
+            raise _RefusedError(f"operator `torch.{name}`")
         if name in CREATING:
             # The sizes are a list, or the arguments one by one; what is filled in is none of them.
             sizes = node.args[:1] if name == "full" else node.args
@@ -379,13 +382,13 @@ class _Checker:
                     if isinstance(number, ast.Constant) and isinstance(number.value, int):
                         product *= max(abs(number.value), 1)
             if product > MOST_NUMBERS:
-                raise _Refused(f"`torch.{name}` of {product:,} numbers, at most {MOST_NUMBERS:,} are let through")
+                raise _RefusedError(f"`torch.{name}` of {product:,} numbers, at most {MOST_NUMBERS:,} are let through")
 
     def _type(self, node: ast.expr) -> None:
         name = _dotted(node)
         if name is not None:
             if name not in TYPE_NAMES and name not in self._defined.qualified:
-                raise _Refused(f"type `{name}`")
+                raise _RefusedError(f"type `{name}`")
         elif isinstance(node, ast.Subscript):
             self._type(node.value)
             for part in node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]:
@@ -394,7 +397,7 @@ class _Checker:
             for part in node.elts:
                 self._type(part)
         elif not (isinstance(node, ast.Constant) and (node.value is None or isinstance(node.value, int))):
-            raise _Refused(f"type `{ast.unparse(node)[:60]}`")
+            raise _RefusedError(f"type `{ast.unparse(node)[:60]}`")
 
 
 def _is_name(node: ast.expr, name: str) -> bool:

@@ -13,7 +13,6 @@ from tdcr_planner.collision.scene import CollisionScene
 from tdcr_planner.limits import at_most
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.se3 import transform_points
 from tdcr_planner.statics.solver import RodSolution, solve_statics
 from tdcr_planner.statics.strain import largest_bending_strain
 from tdcr_planner.statics.tendons import tendon_displacements
@@ -147,8 +146,7 @@ class StateSolver:
             robot, actuation.tensions, gravity=actuation.gravity, tip_force=actuation.tip_force
         )
         converged = np.asarray(solution.converged, dtype=np.bool_)
-        positions = transform_points(actuation.base_rotations, actuation.base_positions, solution.positions)
-        rotations = actuation.base_rotations[:, None] @ solution.rotations
+        positions, rotations = actuation.in_world(solution.positions, solution.rotations)
         clearance = np.full(len(rows), np.nan)
         touches_itself = np.zeros(len(rows), dtype=np.bool_)
         if converged.any():
