@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from tdcr_planner.cli.adopt import adopt
 from tdcr_planner.cli.compare import compare
 from tdcr_planner.cli.evaluate import evaluate
 from tdcr_planner.cli.info import info
@@ -28,6 +29,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "sweep": sweep,
     "solve": solve,
     "train": train,
+    "adopt": adopt,
     "evaluate": evaluate,
     "info": info,
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import tyro
 
@@ -18,6 +18,9 @@ def plan(
     seed: int | None = None,
     planner: str | None = None,
     validity: str | None = None,
+    shape_engine: Literal["compiled", "torchscript", "onnx"] | None = None,
+    shape_device: Literal["cpu", "cuda"] | None = None,
+    error_bound: Literal["state", "uniform"] | None = None,
     time_limit_s: float | None = None,
     roadmap: Path | None = None,
     progress: bool = True,
@@ -38,6 +41,9 @@ def plan(
         planner: Planner, in place of the scenario's: one of OMPL's or of an installed package, or module:function.
         validity: Shape model that the search asks, in place of the scenario's: learned, reference,
             constant_curvature or one of an installed package.
+        shape_engine: What evaluates the model file, in place of the scenario's.
+        shape_device: Where torchscript evaluates it, in place of the scenario's.
+        error_bound: Whether the model's error bound follows the state, in place of the scenario's.
         time_limit_s: Time for search, verification and repair in seconds, in place of the scenario's.
         roadmap: Roadmap of the scene that `tdcr roadmap` wrote, asked before the planner.
         progress: Draw a progress bar while planning.
@@ -50,7 +56,15 @@ def plan(
     from tdcr_planner.files import check_folder
     from tdcr_planner.planning.scenario import load_scenario
 
-    given = {"seed": seed, "name": planner, "validity": validity, "time_limit_s": time_limit_s}
+    given = {
+        "seed": seed,
+        "name": planner,
+        "validity": validity,
+        "shape_engine": shape_engine,
+        "shape_device": shape_device,
+        "error_bound": error_bound,
+        "time_limit_s": time_limit_s,
+    }
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
     # Seconds to import: what is wrong with the arguments is said before.

@@ -97,7 +97,7 @@ def evaluate_model(
     def predict(cases: Cases) -> tuple[FloatArray, FloatArray, FloatArray]:
         poses = model.disk_poses_unchecked(cases.tensions, cases.gravity, cases.tip_force)
         residual = np.full(len(cases), np.nan)
-        if model.card.network == "shooting":
+        if model.has_residual:
             residual = model.residual(cases.tensions, gravity=cases.gravity, tip_force=cases.tip_force)
         return poses.positions, poses.rotations, residual
 

@@ -30,6 +30,7 @@ from tdcr_planner.learning.loads import check_domain
 from tdcr_planner.learning.logs import TrainingLog
 from tdcr_planner.learning.losses import physics_loss, reference_loss
 from tdcr_planner.learning.settings import TrainSettings
+from tdcr_planner.learning.state_margin import measure_state_margin
 from tdcr_planner.robot import RobotSpec, refuse_unknown
 from tdcr_planner.shape.card import CARD_FORMAT, Calibration, ModelCard
 from tdcr_planner.shape.learned import load_shape_model
@@ -39,7 +40,7 @@ from tdcr_planner.shape.shooting_network import ShootingNetwork, learned_weights
 from tdcr_planner.workers import Backend
 
 # Seeds of the independent random streams of a training.
-_TRAINING, _VALIDATION, _CALIBRATION, _TEST = range(4)
+_TRAINING, _VALIDATION, _CALIBRATION, _TEST, _MARGIN = range(5)
 
 
 @dataclass(frozen=True)
@@ -196,6 +197,19 @@ def judge_model(
     bound = calibrate_bound(
         robot, predict, [samples[_CALIBRATION, "uniform"], samples[_CALIBRATION, "planner"]], settings.bound.alpha
     )
+    margin = None
+    if settings.network == "paper":
+        # The other network corrects itself: its uniform bound is small.
+        margin = measure_state_margin(
+            robot,
+            domain,
+            predict,
+            settings.bound.alpha,
+            _generator(settings, _MARGIN),
+            threads=settings.dataset.threads,
+            backend=backend,
+            progress=progress,
+        )
     return ModelCard(
         format=CARD_FORMAT,
         network=settings.network,
@@ -207,6 +221,7 @@ def judge_model(
         training=settings.model_dump(mode="json"),
         accuracy=tuple(measure_accuracy(predict, sample, samples[_TEST, sample]) for sample in ("uniform", "planner")),
         error_bound=bound,
+        state_margin=margin,
         calibration=calibration,
         libraries=library_versions(),
     )

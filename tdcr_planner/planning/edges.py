@@ -13,7 +13,7 @@ from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.planning.causes import CAUSES, Cause
 from tdcr_planner.planning.kernels import disk_motions, fill_intervals
 from tdcr_planner.planning.proved_edges import ProvedEdges
-from tdcr_planner.planning.validity import Shapes, ValidityChecker, disk_reaches
+from tdcr_planner.planning.validity import Scene, Shapes, ValidityChecker, disk_reaches
 
 _COARSE_STEPS = 4.0  # spacing of the first states of an edge, in steps
 _WIDEST_STEPS = 8.0  # motion, in steps, above which an interval is split however much room there is
@@ -66,7 +66,6 @@ class EdgeChecker:
         self._reaches = disk_reaches(checker.robot)
         self._known: set[bytes] = set()
         self._proved = ProvedEdges()
-        self._find_hit = checker.scene.find_hit
 
     def state_valid(self, row: FloatArray) -> bool:
         """Returns whether one state is valid, and remembers it when it is."""
@@ -141,14 +140,17 @@ class EdgeChecker:
         if shapes.codes.any():
             checker.count(shapes.codes)
             return False
-        if not self._all_free(shapes, known_a + known_b):
+        scene = checker.scene_for(shapes)
+        # What is known was tested at its own margin; an edge keeps the largest of its states'.
+        first = known_a + known_b if shapes.levels is None else 0
+        if not self._all_free(shapes, first, scene):
             return False
         self._remember(key_a)
         self._remember(key_b)
-        return self._between_free(row_a, row_b, shapes, along, order)
+        return self._between_free(row_a, row_b, shapes, along, order, scene)
 
     def _between_free(
-        self, row_a: FloatArray, row_b: FloatArray, shapes: Shapes, along: FloatArray, order: IntArray
+        self, row_a: FloatArray, row_b: FloatArray, shapes: Shapes, along: FloatArray, order: IntArray, scene: Scene
     ) -> bool:
         """Returns whether all that lies between the free states of an edge is shown to be free, adding states to them.
 
@@ -158,8 +160,9 @@ class EdgeChecker:
             shapes: The states that are known to be free.
             along: Where on the edge they lie, shape (n,).
             order: What puts them in order, shape (n,).
+            scene: The scene with the margins that they keep.
         """
-        checker, prover = self.checker, self.checker.scene.prover
+        checker, prover = self.checker, scene.prover
         record = prover.record(len(along))
         while True:
             motion, stray = disk_motions(shapes.positions, shapes.rotations, along, order, self._reaches)
@@ -180,15 +183,20 @@ class EdgeChecker:
             if tested.codes.any():
                 checker.count(tested.codes)
                 return False
-            if not self._all_free(tested, 0):
-                return False
             along = np.concatenate([along, added])
             order = np.argsort(along, kind="stable")
-            shapes, record = _join(shapes, tested), record.extended(len(added))
+            shapes = _join(shapes, tested)
+            wider = checker.scene_for(shapes)
+            if not self._all_free(tested if wider is scene else shapes, 0, wider):
+                return False
+            record = record.extended(len(added))
+            if wider is not scene:
+                scene, prover = wider, wider.prover
+                record = prover.record(len(along))
 
-    def _all_free(self, shapes: Shapes, first: int) -> bool:
-        """Asks the scene about states, from `first` on, that no cheaper test has rejected, and counts them."""
-        hit, code = self._find_hit(shapes.positions[first:], shapes.rotations[first:])
+    def _all_free(self, shapes: Shapes, first: int, scene: Scene) -> bool:
+        """Asks a scene about states, from `first` on, that no cheaper test has rejected, and counts them."""
+        hit, code = scene.find_hit(shapes.positions[first:], shapes.rotations[first:])
         if hit < 0:
             self.checker.states_checked += len(shapes.codes) - first
             return True
@@ -246,4 +254,5 @@ def _join(old: Shapes, new: Shapes) -> Shapes:
         np.concatenate([old.codes, new.codes]),
         np.concatenate([old.positions, new.positions]),
         np.concatenate([old.rotations, new.rotations]),
+        None if old.levels is None or new.levels is None else np.concatenate([old.levels, new.levels]),
     )

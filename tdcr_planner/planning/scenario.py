@@ -227,6 +227,9 @@ class PlannerSettings(FileModel):
     step_m: Annotated[float, Field(ge=SHORTEST_STEP_M, le=LONGEST_STEP_M)] = 0.002
     clearance_m: Annotated[NotNegative, AfterValidator(PLACE_M.validate)] = 0.0005
     validity: Validity = "learned"
+    shape_engine: Literal["compiled", "torchscript", "onnx"] | None = None
+    shape_device: Literal["cpu", "cuda"] = "cpu"
+    error_bound: Literal["state", "uniform"] = "state"
     parameters: dict[str, str | float | int | bool] = {}
     objective: Objective = Objective()
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.limits import ROUNDING
 from tdcr_planner.planning.causes import CAUSES, Cause, Codes
 from tdcr_planner.planning.kernels import actuate, actuation_tables, to_world
+from tdcr_planner.planning.margin_levels import Levels, MarginLevels
 from tdcr_planner.planning.reasons import contact_reason
 from tdcr_planner.planning.robot_limits import RobotLimits
 from tdcr_planner.planning.scenario import Scenario
@@ -55,11 +56,13 @@ class Shapes:
         codes: Shape (n,); 0 where nothing speaks against the row so far.
         positions: Shape (n, d, 3), m, world frame; not to be used where the code is not 0.
         rotations: world_from_disk, shape (n, d, 3, 3).
+        levels: Level of each state's margin, shape (n,); None where all keep the same.
     """
 
     codes: Codes
     positions: FloatArray
     rotations: FloatArray
+    levels: Levels | None = None
 
 
 def planning_margins(scenario: Scenario, model: ShapeModel) -> FloatArray:
@@ -76,15 +79,30 @@ class ValidityChecker:
     Attributes:
         space: The configuration space whose rows it tests.
         model: The shape model that it asks.
-        scene: The scene, whose body is inflated by `planning_margins`.
+        scene: The scene, whose body is inflated by `planning_margins`; where each state has a margin of its own, by
+            the least of them.
         states_checked: How many states it has tested.
         rejected: How many states were rejected for each cause.
     """
 
-    def __init__(self, space: ConfigurationSpace, model: ShapeModel, scene: Scene) -> None:
-        """Prepares the checker; nothing is tested yet."""
+    def __init__(
+        self, space: ConfigurationSpace, model: ShapeModel, scene: Scene, *, base_margins: FloatArray | None = None
+    ) -> None:
+        """Prepares the checker; nothing is tested yet.
+
+        Args:
+            space: The configuration space.
+            model: The shape model.
+            scene: The scene, grown by its margins.
+            base_margins: What each disk keeps besides an error bound that follows the state, shape (d,), m; None where
+                the scene's margins hold for all states.
+        """
         self.space = space
         self.model = model
+        self._levels = None
+        if base_margins is not None and model.bound_follows_state:
+            self._levels = MarginLevels(scene, base_margins, model.error_bound)
+            scene = self._levels.scene(0)
         self.scene = scene
         self.robot: RobotSpec = space.robot
         self.states_checked = 0
@@ -149,14 +167,29 @@ class ValidityChecker:
     def collide(self, shapes: Shapes, which: slice | NDArray[Any] = slice(None)) -> None:
         """Asks the scene about the rows that nothing speaks against and writes its verdicts into their codes."""
         codes = shapes.codes[which]
-        if not codes.any():
+        if self._levels is None and not codes.any():
             shapes.codes[which] = self.scene.check(shapes.positions[which], shapes.rotations[which])
             return
         alive = np.flatnonzero(codes == 0)
-        if len(alive):
-            codes = codes.copy()
-            codes[alive] = self.scene.check(shapes.positions[which][alive], shapes.rotations[which][alive])
-            shapes.codes[which] = codes
+        codes = codes.copy()
+        for scene, part in self._by_scene(None if shapes.levels is None else shapes.levels[which], alive):
+            codes[part] = scene.check(shapes.positions[which][part], shapes.rotations[which][part])
+        shapes.codes[which] = codes
+
+    def scene_for(self, shapes: Shapes) -> Scene:
+        """Returns the scene whose margins cover all of some states."""
+        if self._levels is None or shapes.levels is None:
+            return self.scene
+        return cast(Scene, self._levels.scene(int(shapes.levels.max(initial=0))))
+
+    def _by_scene(self, levels: Levels | None, which: NDArray[Any]) -> Iterator[tuple[Scene, NDArray[Any]]]:
+        """Yields the scene of each margin among some states, and which of them keep it."""
+        if self._levels is None or levels is None:
+            if len(which):
+                yield self.scene, which
+            return
+        for level in np.unique(levels[which]):
+            yield self._levels.scene(int(level)), which[levels[which] == level]
 
     def slack(self, configurations: FloatArray, cap: float) -> FloatArray:
         """Returns how far the body may move at each configuration without coming nearer than it must.
@@ -177,12 +210,11 @@ class ValidityChecker:
         self.collide(shapes)
         found = np.full(len(configurations), -np.inf)
         free = shapes.codes == 0
-        if free.any():
-            found[free] = self.scene.prover.slack(shapes.positions[free], shapes.rotations[free], cap)
-        hit = known & ~free
-        if hit.any():
-            clearance = self.scene.clearance(shapes.positions[hit], shapes.rotations[hit])
-            found[hit] = np.minimum(clearance - self.scene.prover.required.max(initial=0.0), 0.0)
+        for scene, part in self._by_scene(shapes.levels, np.flatnonzero(free)):
+            found[part] = scene.prover.slack(shapes.positions[part], shapes.rotations[part], cap)
+        for scene, part in self._by_scene(shapes.levels, np.flatnonzero(known & ~free)):
+            clearance = scene.clearance(shapes.positions[part], shapes.rotations[part])
+            found[part] = np.minimum(clearance - scene.prover.required.max(initial=0.0), 0.0)
         self.count(shapes.codes)
         return found
 
@@ -218,7 +250,9 @@ class ValidityChecker:
         if cause not in (Cause.OBSTACLE, Cause.CAVITY, Cause.SELF_COLLISION):
             return self._limits.explain(cause, self.robot, self.actuate(row[None]).tensions[0])
         bound = np.asarray(self.model.error_bound)
-        reason = contact_reason(self.scene, bound, shapes.positions[0], shapes.rotations[0])
+        if self._levels is not None and shapes.levels is not None:
+            bound = self._levels.bound(int(shapes.levels[0]))
+        reason = contact_reason(self.scene_for(shapes), bound, shapes.positions[0], shapes.rotations[0])
         return f"{cause.value}: {reason}" if reason else cause.value
 
     @cached_property
@@ -258,10 +292,19 @@ class ValidityChecker:
             shapes.codes[alive] = posed.codes
             shapes.positions[alive] = posed.positions
             shapes.rotations[alive] = posed.rotations
+            if posed.levels is not None:
+                shapes.levels = np.zeros(len(codes), dtype=np.int8)
+                shapes.levels[alive] = posed.levels
         return shapes
 
     def _pose_all(self, actuation: Actuation, codes: Codes) -> Shapes:
-        poses = self._disk_poses(actuation.tensions, actuation.gravity, actuation.tip_force)
+        inputs = actuation.tensions, actuation.gravity, actuation.tip_force
+        levels = None
+        if self._levels is None:
+            poses = self._disk_poses(*inputs)
+        else:
+            poses, bounds = self.model.poses_and_bounds(*inputs)
+            levels = self._levels.of(bounds)
         positions, rotations, finite, broken = to_world(
             poses.positions, poses.rotations, actuation.base_positions, actuation.base_rotations
         )
@@ -269,7 +312,7 @@ class ValidityChecker:
             codes[~finite] = Cause.NOT_FINITE.code
         if not poses.solved.all():
             codes[~poses.solved] = Cause.NO_SHAPE.code
-        return Shapes(codes, positions, rotations)
+        return Shapes(codes, positions, rotations, levels)
 
 
 def motion_scale(checker: ValidityChecker, samples: int = 24, seed: int = 0) -> FloatArray:

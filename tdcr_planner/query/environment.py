@@ -102,7 +102,10 @@ class Environment:
             kind, file = SHAPE_MODELS.find(validity), self.scenario.shape_model_path
             if kind.needs_file and file is None:
                 raise InputError("validity", "a scenario that names a shape_model", repr(validity))
-            self._models[validity] = kind.load(self.scenario.robot, file)
+            model, settings = kind.load(self.scenario.robot, file), self.scenario.planner
+            if kind.needs_file:
+                model.use(engine=settings.shape_engine, device=settings.shape_device, bound=settings.error_bound)
+            self._models[validity] = model
         return self._models[validity]
 
     def use_model(self, name: str, model: ShapeModel) -> None:
@@ -119,7 +122,8 @@ class Environment:
         query = scenario or self.scenario
         model = self.model(query.planner.validity)
         margins = planning_margins(query, model) + extra_margin
-        return ValidityChecker(self.space, model, self.scene.with_margins(margins))
+        base = np.maximum(margins - model.error_bound, 0.0)
+        return ValidityChecker(self.space, model, self.scene.with_margins(margins), base_margins=base)
 
     def verifier(self, scenario: Scenario | None = None, *, refine: int = 1) -> Verifier:
         """Returns a verifier for a scenario of this scene, at steps `refine` times finer than its own."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
 
 WARM_UPS = 3
@@ -58,6 +59,7 @@ class ShapeModel(ABC):
         error_bound: Bound on the position error of each disk against the reference, all states, shape (d,), m; zeros
             for a model that states none.
         sha256: Hash of the file that decides its answers; None without a file.
+        bound_follows_state: Whether each state has a bound of its own, `error_bound_at`.
     """
 
     name: ClassVar[str]
@@ -72,6 +74,7 @@ class ShapeModel(ABC):
     robot: RobotSpec
     error_bound: FloatArray
     sha256: str | None = None
+    bound_follows_state: bool = False
 
     @classmethod
     def label(cls) -> str:
@@ -143,6 +146,27 @@ class ShapeModel(ABC):
             tip_force: Shape (n, 3), N, base frame.
         """
         return self.error_bound
+
+    def poses_and_bounds(
+        self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray
+    ) -> tuple[DiskPoses, FloatArray]:
+        """Returns `disk_poses_unchecked` and `error_bound_at` of the same states, for models that know both at once."""
+        inputs = tensions, gravity, tip_force
+        return self.disk_poses_unchecked(*inputs), self.error_bound_at(*inputs)
+
+    def use(self, *, engine: str | None = None, device: str = "cpu", bound: str = "state") -> None:  # noqa: ARG002
+        """Chooses what evaluates a model of a file, where, and which bound it states; by default there is no choice.
+
+        Args:
+            engine: Name of what evaluates it; None for the fastest.
+            device: "cpu" or "cuda".
+            bound: "state" or "uniform".
+
+        Raises:
+            InputError: The model has no such engine, or there is no such device.
+        """
+        if engine is not None:
+            raise InputError("shape_engine", f"none, which the model {self.name!r} does not have", engine)
 
     def warm_up(self) -> None:
         """Answers a few times, so that what the first answers cost is no part of a query's time."""

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from tdcr_planner.files import FileModel, NotNegative, Positive
 from tdcr_planner.robot import RobotSpec
+from tdcr_planner.shape.convention import Convention
 
 CARD_FORMAT = "tdcr-shape-model/1"
 
@@ -69,6 +70,54 @@ class ErrorBound(FileModel):
     residual_limit_nm: Positive | None
 
 
+class StateMargin(FileModel):
+    """A bound that follows the state, by locally weighted split conformal prediction (Lei et al. 2018, sec. 5.2).
+
+    The bound of disk d in a state is `factor[d]` times the state's scale at d: how far one step of correction by
+    mechanics moves the disk, what a further step would move it, and `floor_m`. It is never above `ceiling_m`.
+
+    Attributes:
+        alpha: A fresh case of either sample exceeds its bound at some disk with at most this probability, with 99 %
+            confidence.
+        cases: Calibration cases of each sample.
+        floor_m: Smallest scale: the rounding of the integration.
+        factor: Of each disk.
+        ceiling_m: Of each disk: the uniform bound of half of alpha; the other half is the factor's.
+        tip_m: Median and largest bound at the tip on the calibration cases.
+    """
+
+    alpha: Annotated[float, Field(gt=0.0, lt=1.0)]
+    cases: Annotated[int, Field(ge=1)]
+    floor_m: Positive
+    factor: tuple[NotNegative, ...]
+    ceiling_m: tuple[NotNegative, ...]
+    tip_m: tuple[NotNegative, NotNegative]
+
+
+class Adoption(FileModel):
+    """Where a foreign network comes from and how it is asked.
+
+    Attributes:
+        kind: What evaluates it.
+        source: Name of its file.
+        source_sha256: Hash of that file when it was adopted.
+        module_sha256: Hash of the network as the model file holds it.
+        convention: What it takes and gives.
+        correct: Whether one Newton step by mechanics is applied to its answers.
+        shape_us: Microseconds a shape when it was adopted, in batches of 1,000 on one thread.
+        reference_us: The same of the reference.
+    """
+
+    kind: Literal["torchscript", "onnx"]
+    source: str
+    source_sha256: str
+    module_sha256: str
+    convention: Convention
+    correct: bool = False
+    shape_us: Positive
+    reference_us: Positive
+
+
 class Calibration(FileModel):
     """What measured shapes said about the robot that the model was made for.
 
@@ -92,7 +141,7 @@ class ModelCard(FileModel):
 
     Attributes:
         format: Version of the card.
-        network: "shooting" or "paper".
+        network: "shooting", "paper", or "adopted" for somebody else's.
         robot: The robot that the model was made for.
         robot_mechanics_hash: Its `RobotSpec.mechanics_hash`.
         units: Unit of each input and output.
@@ -101,12 +150,14 @@ class ModelCard(FileModel):
         training: The settings that made it, as train.toml has them.
         accuracy: Errors on held-out cases.
         error_bound: Bound on the error of each disk.
+        state_margin: The bound that follows the state; None where the uniform one serves.
+        adoption: The foreign network; None for a network of this project.
         calibration: Measured shapes that were used, if any.
         libraries: Versions that made it.
     """
 
     format: Literal["tdcr-shape-model/1"]
-    network: Literal["shooting", "paper"]
+    network: Literal["shooting", "paper", "adopted"]
     robot: RobotSpec
     robot_mechanics_hash: str
     units: dict[str, str]
@@ -115,6 +166,8 @@ class ModelCard(FileModel):
     training: dict[str, Any]
     accuracy: tuple[Accuracy, ...]
     error_bound: ErrorBound
+    state_margin: StateMargin | None = None
+    adoption: Adoption | None = None
     calibration: Calibration | None = None
     libraries: dict[str, str]
 
@@ -126,6 +179,13 @@ class ModelCard(FileModel):
             raise ValueError(
                 f"expected a bound for each of {self.robot.disk_count} disks, got {len(self.error_bound.disk_m)}"
             )
+        margin = self.state_margin
+        if margin is not None and {len(margin.factor), len(margin.ceiling_m)} != {self.robot.disk_count}:
+            raise ValueError(f"state_margin: expected a factor and a ceiling for each of {self.robot.disk_count} disks")
+        if (self.network == "adopted") != (self.adoption is not None):
+            raise ValueError("adoption: expected for network 'adopted', and for no other")
+        if self.adoption is not None and len(self.adoption.convention.tendon_order) != self.robot.tendon_count:
+            raise ValueError(f"tendon_order: expected each of {self.robot.tendon_count} tendons once")
         if len(self.domain.max_tension_n) != self.robot.tendon_count:
             raise ValueError(
                 f"expected a limit for each of {self.robot.tendon_count} tendons, got {len(self.domain.max_tension_n)}"
@@ -157,6 +217,7 @@ class ModelCard(FileModel):
             f"error bound, exceeded by at most {bound.alpha:g} of cases:",
             f"  {1e3 * bound.disk_m[-1]:.3g} mm at the tip, {1e3 * max(bound.disk_m):.3g} mm at most",
         ]
+        lines += self._describe_margin() + self._describe_adoption()
         measured = self.calibration
         if measured is not None:
             lines += [
@@ -166,3 +227,24 @@ class ModelCard(FileModel):
             ]
         made = [f"{name} {version}" for name, version in self.libraries.items()]
         return "\n".join([*lines, *wrap("made with " + ", ".join(made), 79, subsequent_indent="  ")])
+
+    def _describe_margin(self) -> list[str]:
+        margin = self.state_margin
+        if margin is None:
+            return []
+        median, largest = (1e3 * value for value in margin.tip_m)
+        return [
+            f"bound that follows the state, exceeded by at most {margin.alpha:g} of cases:",
+            f"  at the tip {median:.3g} mm in the median, {largest:.3g} mm at most",
+        ]
+
+    def _describe_adoption(self) -> list[str]:
+        adoption = self.adoption
+        if adoption is None:
+            return []
+        corrected = "one Newton step by mechanics is applied" if adoption.correct else "as it is"
+        return [
+            f"adopted {adoption.kind} network of {adoption.source}, {corrected}",
+            *(f"  {line}" for line in adoption.convention.describe().splitlines()),
+            f"  {adoption.shape_us:.3g} us a shape in batches of 1,000, the reference {adoption.reference_us:.3g} us",
+        ]

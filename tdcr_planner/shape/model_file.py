@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from tdcr_planner.archive import Archive, open_archive
 from tdcr_planner.array_schema import Array, ArraySchema, ArraySpec, read_arrays
@@ -12,8 +14,13 @@ from tdcr_planner.errors import FormatError
 from tdcr_planner.files import parse_table
 from tdcr_planner.json_text import parse_json
 from tdcr_planner.shape.card import ModelCard
+from tdcr_planner.shape.foreign_network import MODULE_FILES
+from tdcr_planner.shape.script_archive import MOST_BYTES
 from tdcr_planner.shape.shooting import MOST_CORRECTIONS, MOST_LAYERS, MOST_WIDTH, ShootingWeights
 from tdcr_planner.shape.stored_module import StoredModule, read_stored_module
+
+Engine = Literal["compiled", "torchscript", "onnx"]
+"""What evaluates a model: machine code of this project, torch, or onnxruntime."""
 
 CARD_FILE = "card.json"
 WEIGHTS_FILE = "weights.npz"
@@ -42,11 +49,20 @@ class ModelFile:
         card: The card.
         weights: The weights of a `shooting` network; None for another.
         tensors: The tensors of the stored module, by the names of its `state_dict`.
+        foreign: The bytes of an adopted network, which has neither weights nor tensors here; None for another.
     """
 
     card: ModelCard
     weights: ShootingWeights | None
     tensors: dict[str, Array]
+    foreign: bytes | None = None
+
+    @property
+    def engines(self) -> tuple[Engine, ...]:
+        """What can evaluate it, the fastest first."""
+        if self.card.adoption is not None:
+            return (self.card.adoption.kind,)
+        return ("torchscript",) if self.weights is None else ("compiled", "torchscript")
 
 
 def read_model_file(path: Path) -> ModelFile:
@@ -55,11 +71,13 @@ def read_model_file(path: Path) -> ModelFile:
     Raises:
         FormatError: The file is missing, damaged or no shape model, or holds another module than this project writes.
     """
-    with open_archive(path, "shape model", _MOST_BYTES) as archive:
+    with open_archive(path, "shape model", max(_MOST_BYTES, MOST_BYTES)) as archive:
         archive.check_all()
         prefix = _find_prefix(archive)
         content = parse_json(archive.read(f"{prefix}/extra/{CARD_FILE}"), path, CARD_FILE)
         card = parse_table(ModelCard, content, path)
+        if card.adoption is not None:
+            return ModelFile(card, None, {}, _read_foreign(archive, prefix, card))
         module = read_stored_module(archive, prefix)
         _check_classes(path, module, card)
         weights = None
@@ -80,6 +98,20 @@ def _find_prefix(archive: Archive) -> str:
             archive.path, "is not a shape model, or is truncated: it holds no card; make one with `tdcr train`"
         )
     return prefix
+
+
+def _read_foreign(archive: Archive, prefix: str, card: ModelCard) -> bytes:
+    """Returns the network of an adopted model; what it does is checked when it is loaded."""
+    assert card.adoption is not None  # the card of an adopted network has it
+    record = f"{prefix}/extra/{MODULE_FILES[card.adoption.kind]}"
+    if record not in archive.names:
+        raise FormatError(archive.path, "holds no network, which its card says it has", record)
+    content = archive.read(record)
+    if hashlib.sha256(content).hexdigest() != card.adoption.module_sha256:
+        raise FormatError(
+            archive.path, "holds another network than the one that was adopted; adopt it with `tdcr adopt`", record
+        )
+    return content
 
 
 def _check_classes(path: Path, module: StoredModule, card: ModelCard) -> None:

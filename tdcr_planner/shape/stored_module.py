@@ -40,7 +40,7 @@ class StoredModule:
 
 
 @dataclass
-class _Object:
+class StoredObject:
     """An object of the pickle: its class and its attributes by name."""
 
     name: str
@@ -48,7 +48,7 @@ class _Object:
 
 
 @dataclass(frozen=True)
-class _Name:
+class StoredName:
     """A class or function that the archive names; it is never looked up."""
 
     name: str
@@ -82,7 +82,7 @@ def read_stored_module(archive: Archive, prefix: str) -> StoredModule:
     if archive.size(record) > _LONGEST_PICKLE:
         raise FormatError(archive.path, f"expected at most {_LONGEST_PICKLE:,} bytes", record)
     try:
-        return _describe(_Reader(archive, prefix).follow(archive.read(record)))
+        return _describe(ModuleReader(archive, prefix).follow(archive.read(record)))
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         raise FormatError(
             archive.path, f"is damaged, or holds code that this program does not run ({error})", record
@@ -90,7 +90,7 @@ def read_stored_module(archive: Archive, prefix: str) -> StoredModule:
 
 
 def _describe(root: Any) -> StoredModule:
-    if not isinstance(root, _Object):
+    if not isinstance(root, StoredObject):
         raise ValueError("no module")
     classes, tensors = [], {}
     left = [("", root)]
@@ -103,12 +103,12 @@ def _describe(root: Any) -> StoredModule:
         for name, value in module.attributes.items():
             if isinstance(value, np.ndarray):
                 tensors[prefix + name] = value
-            elif isinstance(value, _Object):
+            elif isinstance(value, StoredObject):
                 left.append((f"{prefix}{name}.", value))
     return StoredModule(root.name, frozenset(classes), tensors)
 
 
-class _Reader:
+class ModuleReader:
     """Follows the operations of a pickle on a stack, for the few that TorchScript writes."""
 
     def __init__(self, archive: Archive, prefix: str) -> None:
@@ -124,7 +124,7 @@ class _Reader:
             "NEWFALSE": lambda _: self._stack.append(False),
             "MARK": lambda _: self._stack.append(_MARK),
             "PROTO": lambda _: None,
-            "GLOBAL": lambda name: self._stack.append(_Name(name)),
+            "GLOBAL": lambda name: self._stack.append(StoredName(name)),
             "EMPTY_TUPLE": lambda _: self._stack.append(()),
             "EMPTY_DICT": lambda _: self._stack.append({}),
             "TUPLE": lambda _: self._stack.append(tuple(self._pop_to_mark())),
@@ -170,7 +170,7 @@ class _Reader:
 
     def _new_object(self) -> None:
         self._stack.pop()
-        self._stack.append(_Object(self._stack.pop().name))
+        self._stack.append(StoredObject(self._stack.pop().name))
 
     def _set_items(self) -> None:
         items = self._pop_to_mark()
@@ -179,7 +179,7 @@ class _Reader:
     def _build(self) -> None:
         attributes = self._stack.pop()
         target = self._stack[-1]
-        if not isinstance(target, _Object) or target.attributes:
+        if not isinstance(target, StoredObject) or target.attributes:
             raise ValueError("attributes for what is no object")
         if not isinstance(attributes, dict):
             raise ValueError(f"class {target.name} restores itself by a function of its own")

@@ -12,6 +12,7 @@ import torch
 from torch import nn
 
 from tdcr_planner.array_schema import Array, ArraySchema, ArraySpec, check_arrays
+from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.shape.card import ModelCard
 from tdcr_planner.shape.paper_network import PaperNetwork
@@ -46,6 +47,46 @@ def shooting_module(card: ModelCard, weights: ShootingWeights) -> torch.jit.Scri
                 layer.weight.copy_(_tensor(matrix))
                 layer.bias.copy_(_tensor(bias))
         return script_module(network)
+
+
+def to_device(module: torch.jit.ScriptModule, device: str) -> torch.jit.ScriptModule:
+    """Returns a module on a device.
+
+    Raises:
+        InputError: It is a GPU, and torch has none.
+    """
+    if device == "cuda" and not torch.cuda.is_available():
+        raise InputError("shape_device", "cpu, as there is no GPU that torch can use", device)
+    return module.to(device)
+
+
+def ask(
+    module: torch.jit.ScriptModule, device: str, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Returns positions (n, d, 3) m and rotations (n, d, 3, 3) of a module whose `forward` is this project's."""
+    with torch.inference_mode():
+        positions, rotations = module(*_inputs(device, tensions, gravity, tip_force))
+    return positions.cpu().numpy(), rotations.cpu().numpy()
+
+
+def ask_with_residual(
+    module: torch.jit.ScriptModule, device: str, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Returns the same of a `shooting` module, and the moment left over at the tip (n,), N m; `forward` in steps."""
+    with torch.inference_mode():
+        tension, g, f = _inputs(device, tensions, gravity, tip_force)
+        moment, inverse = module.base_moment(tension, g, f)
+        for _ in range(module.corrections):
+            left_over = module.shoot(tension, g, f, moment)[0]
+            moment = moment - torch.matmul(inverse, left_over.unsqueeze(2)).squeeze(2)
+        left_over, positions, rotations = module.shoot(tension, g, f, moment)
+        residual = torch.linalg.vector_norm(left_over, dim=1)
+    return positions.cpu().numpy(), rotations.cpu().numpy(), residual.cpu().numpy()
+
+
+def _inputs(device: str, *arrays: FloatArray) -> list[torch.Tensor]:
+    # One load for all rows is a view that torch could not write to, of which it warns.
+    return [torch.from_numpy(np.require(array, requirements=("C", "W"))).to(device) for array in arrays]
 
 
 def paper_module(path: Path, card: ModelCard, tensors: dict[str, Array]) -> torch.jit.ScriptModule:

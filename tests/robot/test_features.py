@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.query.session import PlanningSession
 
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import FEATURES, refuse_unknown
