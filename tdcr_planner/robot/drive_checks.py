@@ -1,0 +1,41 @@
+"""Checks of the drive of a version 2 robot: counts, pretension and displacement against the tendons."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from tdcr_planner.robot.drive import PER_TENDON, DriveTable
+from tdcr_planner.robot.faults import Faults, name_of
+
+if TYPE_CHECKING:
+    from tdcr_planner.robot.spec import RobotSpec
+
+
+def check_drive(robot: RobotSpec, faults: Faults) -> None:
+    """Notes every fault of the drive: a list of the wrong length, or a value that its tendon cannot take."""
+    count, table = len(robot.tendon_tables), robot.drive_table or DriveTable()
+    for key in PER_TENDON:
+        values = getattr(table, key)
+        if values is not None and len(values) not in (1, count):
+            faults.add(("drive", key), f"expected one for all tendons or one for each of {count}, got {len(values)}")
+    for index, said in enumerate(robot.tendon_tables):
+        if table.kind == "tension" and said.max_tension_n is None:
+            faults.add(("tendons", index, "max_tension_n"), "missing, and it is required with tension drive")
+    if faults:
+        return
+    for index, tendon in enumerate(robot.tendons):
+        name = name_of(("tendons", index))
+        if tendon.pretension >= tendon.max_tension:
+            faults.add(
+                ("drive", "pretension_n"),
+                f"must be below max_tension_n = {tendon.max_tension:g} of {name}, got {tendon.pretension:g}",
+            )
+        length = tendon.rest_length(robot.arc_lengths)
+        low, high = tendon.max_displacement
+        if high < math.inf and max(-low, high) >= length:
+            faults.add(
+                ("drive", "max_displacement_m"),
+                f"must be below the length {length:g} m of {name} inside the robot, got [{low:g}, {high:g}]; is it "
+                "in mm?",
+            )

@@ -1,0 +1,378 @@
+"""The robot: what its file says, as one frozen object for both versions, and the arrays derived from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray, check_array
+from tdcr_planner.errors import InputError
+from tdcr_planner.files import FileModel
+from tdcr_planner.limits import snap
+from tdcr_planner.robot import bending as bending_maps
+from tdcr_planner.robot.backbone import Backbone
+from tdcr_planner.robot.body import Body
+from tdcr_planner.robot.checks import check_robot
+from tdcr_planner.robot.drive import Drive, DriveTable, drive_of_table
+from tdcr_planner.robot.features import features_of
+from tdcr_planner.robot.hashing import mechanics_hash
+from tdcr_planner.robot.segments import Segment
+from tdcr_planner.robot.tendon_list import tendons_of_segments, tendons_of_tables
+from tdcr_planner.robot.tendons import Tendon, TendonTable
+from tdcr_planner.robot.tip import Camera, Tip
+from tdcr_planner.robot.versions import check_version, without_other_version
+
+
+class RobotSpec(FileModel):
+    """A tendon-driven continuum robot, base to tip. Disk 0 is the clamped base.
+
+    What a file of either version says is found in `tendons` and `drive`; the fields `tendon_tables` and `drive_table`
+    hold the tables of a version 2 file.
+
+    Attributes:
+        format: Version of the file.
+        name: The robot's name.
+        backbone: The rod of all segments that have none of their own.
+        segments: Base to tip.
+        tip: What the last disk carries.
+        body: What stands between disks, for collision.
+        tendon_tables: The tables [[tendons]]; empty in version 1.
+        drive_table: The table [drive]; None in version 1.
+        camera: The camera at the tip, or None.
+    """
+
+    format: Literal["tdcr-robot/1", "tdcr-robot/2"]
+    name: Annotated[str, Field(min_length=1)]
+    backbone: Backbone
+    segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
+    tip: Tip = Tip()
+    body: Body = Body()
+    tendon_tables: tuple[TendonTable, ...] = Field(default=(), alias="tendons")
+    drive_table: DriveTable | None = Field(default=None, alias="drive")
+    camera: Camera | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> RobotSpec:
+        check_version(self)
+        check_robot(self)
+        return self
+
+    @model_serializer(mode="wrap")
+    def _serialize(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Returns the content as its file has it: under the file's keys, without those of the other version."""
+        return without_other_version(handler(self), self.format)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> RobotSpec:  # noqa: ARG002
+        """Returns a copy with some keys of the file replaced, checked anew.
+
+        The arrays derived from the fields are computed again, which pydantic's own copy would not do.
+        """
+        return RobotSpec.model_validate({**self.model_dump(), **(update or {})})
+
+    def scaled(self, *, stiffness: float = 1.0, mass: float = 1.0) -> RobotSpec:
+        """Returns a robot with all backbone stiffness, and all masses (backbone, disks, payload), times factors."""
+        segments = []
+        for segment in self.segments:
+            changes: dict[str, Any] = {
+                "disk_mass_kg": mass * segment.disk_mass_kg,
+                "backbone": None if segment.backbone is None else segment.backbone.scaled(stiffness, mass),
+            }
+            if segment.disk_masses_kg is not None:
+                changes["disk_masses_kg"] = tuple(mass * item for item in segment.disk_masses_kg)
+            segments.append(segment.model_copy(update=changes))
+        tip = self.tip.model_copy(update={"mass_kg": mass * self.tip.mass_kg})
+        return self.model_copy(
+            update={"backbone": self.backbone.scaled(stiffness, mass), "segments": segments, "tip": tip}
+        )
+
+    def with_tension_limits_times(self, factor: float) -> RobotSpec:
+        """Returns a robot whose tension limits are multiplied by a factor."""
+
+        def times(table: Any) -> Any:
+            limit = table.max_tension_n
+            return table if limit is None else table.model_copy(update={"max_tension_n": factor * limit})
+
+        if self.format == "tdcr-robot/1":
+            return self.model_copy(update={"segments": [times(segment) for segment in self.segments]})
+        return self.model_copy(update={"tendons": [times(table) for table in self.tendon_tables]})
+
+    def __eq__(self, other: object) -> bool:
+        # Pydantic compares what is cached too, and arrays have no single truth value.
+        return isinstance(other, RobotSpec) and self.model_dump() == other.model_dump()
+
+    def __hash__(self) -> int:
+        return hash(self.mechanics_hash)
+
+    @property
+    def segment_count(self) -> int:
+        """Number of segments."""
+        return len(self.segments)
+
+    @property
+    def tendon_count(self) -> int:
+        """Number of tendons t of all segments."""
+        return len(self.tendons)
+
+    @property
+    def disk_count(self) -> int:
+        """Number of disks d, the base included."""
+        return 1 + sum(segment.disks for segment in self.segments)
+
+    @property
+    def length(self) -> float:
+        """Arc length of the unloaded robot, m."""
+        return sum(segment.length_m for segment in self.segments)
+
+    @cached_property
+    def segment_ends(self) -> FloatArray:
+        """Arc length at which each segment ends, shape (segments,), m."""
+        return np.cumsum([segment.length_m for segment in self.segments])
+
+    @cached_property
+    def segment_starts(self) -> FloatArray:
+        """Arc length at which each segment starts, shape (segments,), m."""
+        return np.concatenate([[0.0], self.segment_ends[:-1]])
+
+    @cached_property
+    def segment_backbones(self) -> tuple[Backbone, ...]:
+        """The backbone of each segment."""
+        return tuple(segment.backbone or self.backbone for segment in self.segments)
+
+    @cached_property
+    def arc_lengths(self) -> FloatArray:
+        """Arc length of each disk, base included, shape (d,), m."""
+        places = [segment.disk_places for segment in self.segments]
+        return np.concatenate([[0.0], *(start + own for start, own in zip(self.segment_starts, places, strict=True))])
+
+    @cached_property
+    def disk_segments(self) -> IntArray:
+        """Index of the segment to which each disk belongs (the base to the first), shape (d,)."""
+        return self._per_disk([float(i) for i in range(self.segment_count)], 0.0).astype(np.int64)
+
+    @cached_property
+    def disk_masses(self) -> FloatArray:
+        """Mass of each disk without the payload, shape (d,), kg; the base has none."""
+        return np.concatenate([[0.0], *(segment.masses for segment in self.segments)])
+
+    @cached_property
+    def disk_radii(self) -> FloatArray:
+        """Radius of each disk, shape (d,), m."""
+        return self._per_disk([segment.disk_radius_m for segment in self.segments], self.segments[0].disk_radius_m)
+
+    @cached_property
+    def disk_thicknesses(self) -> FloatArray:
+        """Thickness of each disk, shape (d,), m."""
+        values = [segment.disk_thickness_m for segment in self.segments]
+        return self._per_disk(values, self.segments[0].disk_thickness_m)
+
+    def _per_disk(self, values: list[float], base: float) -> FloatArray:
+        return np.concatenate([[base], np.repeat(values, [segment.disks for segment in self.segments])])
+
+    @cached_property
+    def tendons(self) -> tuple[Tendon, ...]:
+        """The tendons in the order of all arrays of tensions and displacements."""
+        if self.format == "tdcr-robot/1":
+            return tendons_of_segments(self)
+        return tendons_of_tables(self)
+
+    @cached_property
+    def drive(self) -> Drive:
+        """What moves the tendons."""
+        if self.format == "tdcr-robot/2":
+            return drive_of_table(self.drive_table or DriveTable(), len(self.tendon_tables))
+        low, high = np.array([tendon.max_displacement for tendon in self.tendons]).T.copy()
+        count = len(self.tendons)
+        return Drive("tension", np.full(count, np.inf), self.pretensions, np.zeros(count), (low, high))
+
+    @cached_property
+    def tendon_segments(self) -> IntArray:
+        """Index of the segment in which each tendon ends, shape (t,)."""
+        return np.array([tendon.segment for tendon in self.tendons], dtype=np.int64)
+
+    @cached_property
+    def tendon_angles(self) -> FloatArray:
+        """Angle of each tendon about z from the base x axis, shape (t,), rad; straight tendons only."""
+        return np.array([path.angle for path in bending_maps.straight_paths(self)])
+
+    @cached_property
+    def tendon_radii(self) -> FloatArray:
+        """Distance of each tendon from the backbone, shape (t,), m; straight tendons only."""
+        return np.array([path.radius for path in bending_maps.straight_paths(self)])
+
+    @cached_property
+    def tendon_offsets(self) -> FloatArray:
+        """Offset r_i of each tendon from the backbone in the disk frame, shape (t, 3), m; straight tendons only.
+
+        The third component is zero.
+        """
+        radius, angle = self.tendon_radii, self.tendon_angles
+        return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros_like(angle)], axis=1)
+
+    @cached_property
+    def max_tensions(self) -> FloatArray:
+        """Largest tension of each tendon, shape (t,), N; infinite where the file states no limit."""
+        return np.array([tendon.max_tension for tendon in self.tendons])
+
+    @cached_property
+    def pretensions(self) -> FloatArray:
+        """Tension of each tendon in the straight unloaded robot; the bending map adds it. Shape (t,), N."""
+        return np.array([tendon.pretension for tendon in self.tendons])
+
+    @cached_property
+    def tendon_stiffnesses(self) -> FloatArray:
+        """Axial stiffness E A of each tendon, shape (t,), N; infinite for one that does not stretch."""
+        return np.array([tendon.axial_stiffness for tendon in self.tendons])
+
+    @cached_property
+    def joins(self) -> FloatArray:
+        """Arc lengths at which stiffness, weight, rest shape or the set of tendons jumps or has a kink, sorted, m.
+
+        Ends of segments, taper points, ends of rigid stretches and the ends of tendons; shape (j,). Those of the base
+        are left out; the last is the robot's length.
+        """
+        places = [*self.segment_ends.tolist(), *self.backbone.joins]
+        for start, segment in zip(self.segment_starts, self.segments, strict=True):
+            places += [float(start) + s for s in (segment.backbone.joins if segment.backbone else ())]
+        for tendon in self.tendons:
+            places += [tendon.start_arc_length, tendon.end_arc_length]
+        tolerance = 1e-12 * self.length
+        kept = [self.length]
+        for place in sorted(places, reverse=True):
+            if tolerance < place < kept[-1] - tolerance:
+                kept.append(place)
+        return np.array(kept[::-1])
+
+    def stiffness_at(self, s: ArrayLike) -> FloatArray:
+        """Returns the diagonals of Kse (N) and Kbt (N m^2) at arc lengths s, (n,), m, shape (n, 6).
+
+        At an arc length where a property jumps the side towards the base counts. Rigid stretches have the stiffness
+        that the rod would have; `rigid_at` tells them.
+        """
+        return self._along(s, lambda rod, _, place: rod.stiffness_at(place))
+
+    def rest_strain_at(self, s: ArrayLike) -> FloatArray:
+        """Returns v* and u* of the unloaded rod at arc lengths s, (n,), m, shape (n, 6), dimensionless and 1/m."""
+        return self._along(s, lambda rod, _, place: np.tile([0.0, 0.0, 1.0, *rod.rest_curvature_1_m], (len(place), 1)))
+
+    def mass_per_length_at(self, s: ArrayLike) -> FloatArray:
+        """Returns the backbone's mass per length at arc lengths s, (n,), m, shape (n,), kg/m."""
+        return self._along(s, lambda rod, _, place: rod.mass_per_length_at(place))
+
+    def backbone_radius_at(self, s: ArrayLike) -> FloatArray:
+        """Returns the backbone's outer radius at arc lengths s, (n,), m, shape (n,), m."""
+        return self._along(s, lambda rod, _, place: rod.radius_at(place))
+
+    def rigid_at(self, s: ArrayLike) -> BoolArray:
+        """Returns whether the rod keeps its rest shape at arc lengths s, (n,), m, shape (n,)."""
+        rigid = self._along(s, lambda rod, segment, place: (rod.rigid_at(place) | segment.rigid).astype(np.float64))
+        return rigid > 0.0
+
+    def _along(self, s: ArrayLike, value: Callable[[Backbone, Segment, FloatArray], FloatArray]) -> FloatArray:
+        places = check_array("s", s, (None,))
+        owner = np.clip(np.searchsorted(self.segment_ends, places, side="left"), 0, self.segment_count - 1)
+        parts = []
+        for index, (segment, rod) in enumerate(zip(self.segments, self.segment_backbones, strict=True)):
+            start = 0.0 if segment.backbone is None else self.segment_starts[index]
+            parts.append(value(rod, segment, places[owner == index] - start))
+        found = np.concatenate(parts)
+        result = np.empty_like(found)
+        result[np.argsort(owner, kind="stable")] = found
+        return result
+
+    @cached_property
+    def segment_circles(self) -> tuple[tuple[IntArray, float], ...]:
+        """The tendons that end in each segment, and the radius of the circle on which they stand, m.
+
+        Asking for it raises InputError where tendons are not straight or do not surround the backbone on one circle.
+        """
+        return bending_maps.segment_circles(self)
+
+    @cached_property
+    def features(self) -> frozenset[str]:
+        """Names of what this robot has that a version 1 file cannot say; empty for a version 1 file."""
+        return features_of(self)
+
+    @cached_property
+    def mechanics_hash(self) -> str:
+        """SHA-256 over all that decides the shape under given actuation and loads.
+
+        Name, limits, camera and body are left out: changing them leaves a trained shape model valid. A version 2 file
+        that only says what version 1 can say has the hash of its version 1 twin.
+        """
+        return mechanics_hash(self)
+
+    def tensions_from_bending(self, bending: ArrayLike) -> FloatArray:
+        """Returns the tensions of least sum that produce a bending vector, plus the pretension.
+
+        All tendons of a segment stand on one circle, so the least sum uses the two neighbours between which the
+        bending vector points. Tension limits are not applied here.
+
+        Args:
+            bending: Shape (n, segments, 2), N, equivalent tendon force at the tendon circle, base x and y.
+
+        Returns:
+            Shape (n, t), N.
+
+        Raises:
+            InputError: The shape is wrong, or tendons are not straight or do not surround the backbone on one circle.
+        """
+        return bending_maps.tensions_from_bending(self, bending)
+
+    def bending_from_tensions(self, tensions: ArrayLike) -> FloatArray:
+        """Returns bending vectors sum_i tau_i (cos a_i, sin a_i), shape (n, segments, 2), N, of tensions (n, t), N."""
+        return bending_maps.bending_from_tensions(self, tensions)
+
+    def displacements_from_bending(self, bending: ArrayLike, *, compensated: bool = False) -> FloatArray:
+        """Returns the tendon displacements of a bending vector, q_i = b . (cos a_i, sin a_i); see `bending`.
+
+        Args:
+            bending: Shape (n, segments, 2), m at the tendon circle, base x and y.
+            compensated: Whether a tendon follows the bending of the segments that it passes, too.
+
+        Returns:
+            Shape (n, t), m; released tendons are negative.
+        """
+        return bending_maps.displacements_from_bending(self, bending, compensated=compensated)
+
+    def check_tensions(self, tensions: ArrayLike) -> FloatArray:
+        """Returns tensions as shape (n, t), N, or raises InputError: one row a case, none negative, all finite.
+
+        Negative by rounding counts as 0. Tension limits are not checked here: the statics are valid beyond them.
+        """
+        array = check_array("tensions", tensions, (None, self.tendon_count))
+        largest = np.where(np.isfinite(self.max_tensions), self.max_tensions, 1.0)
+        array = snap(array, 0.0, largest)
+        if (array < 0.0).any():
+            row, column = (int(i) for i in np.argwhere(array < 0.0)[0])
+            raise InputError(
+                "tensions",
+                "tensions of 0 N or more (tendons only pull)",
+                f"{array[row, column]:g} in row {row}, tendon {column}",
+            )
+        return array
+
+    def check_displacements(self, displacements: ArrayLike) -> FloatArray:
+        """Returns displacements as shape (n, t), m, or raises InputError: one row a case, all finite.
+
+        A tendon cannot be pulled by its own length or more. Limits of the drive are not checked here.
+        """
+        array = check_array("displacements", displacements, (None, self.tendon_count))
+        lengths = self.rest_path_lengths
+        if (array >= lengths).any():
+            row, column = (int(i) for i in np.argwhere(array >= lengths)[0])
+            raise InputError(
+                "displacements",
+                f"less than the {lengths[column]:g} m of the tendon inside the robot",
+                f"{array[row, column]:g} m in row {row}, tendon {column}; are they in mm?",
+            )
+        return array
+
+    @cached_property
+    def rest_path_lengths(self) -> FloatArray:
+        """Length of each tendon's way along the straight robot, shape (t,), m."""
+        return np.array([tendon.rest_length(self.arc_lengths) for tendon in self.tendons])
