@@ -77,12 +77,12 @@ def measure_tendons(robot: ArcArrays, x: FloatArray, before: TendonState, now: T
             u = (bx * bx + by * by) * square
             chord = 1.0 - u / 6.0 * (1.0 - u / 20.0 * (1.0 - u / 42.0))
             slope = (-1.0 / 6.0 + u / 60.0 * (1.0 - u / 28.0)) * 2.0 * square
-            lever = 1.0 - bx * rx - by * ry
-            length = robot.lengths[j] * (1.0 + stretch)
-            total += length * lever * chord - robot.lengths[j]
+            lever = 1.0 + stretch - bx * rx - by * ry
+            length = robot.lengths[j]
+            total += length * (lever * chord - 1.0)
             now.rows[i, 3 * j] = length * (lever * slope * bx - rx * chord)
             now.rows[i, 3 * j + 1] = length * (lever * slope * by - ry * chord)
-            now.rows[i, 3 * j + 2] = robot.lengths[j] * lever * chord
+            now.rows[i, 3 * j + 2] = length * chord
         now.change[i] = total
         moved = before.slip[i] + (total - before.change[i]) / robot.presliding[0]
         now.slip[i] = min(1.0, max(-1.0, moved))
@@ -123,11 +123,14 @@ def balance_of(
             square = robot.gaps[i, j] * robot.gaps[i, j] / 4.0
             slope = (-1.0 / 6.0 + (bx * bx + by * by) * square / 60.0) * 2.0 * square
             bent = pull * factor * robot.lengths[j] * slope
-            lever = 1.0 - bx * rx - by * ry
+            lever = 1.0 + x[3 * j + 2] - bx * rx - by * ry
             hessian[3 * j, 3 * j] += bent * (lever - 2.0 * rx * bx)
             hessian[3 * j + 1, 3 * j + 1] += bent * (lever - 2.0 * ry * by)
             hessian[3 * j, 3 * j + 1] -= bent * (rx * by + ry * bx)
             hessian[3 * j + 1, 3 * j] -= bent * (rx * by + ry * bx)
+            for axis in range(2):
+                hessian[3 * j + axis, 3 * j + 2] += bent * x[3 * j + axis]
+                hessian[3 * j + 2, 3 * j + axis] += bent * x[3 * j + axis]
 
 
 @njit(**{**OPTIONS, "cache": False})
