@@ -23,6 +23,7 @@ LARGEST_WEIGHT_RATIO = 100.0
 LARGEST_STRAIN_LIMIT = 0.5
 # A tendon that leans from the backbone by more than this slope (63 degrees) turns the robot rather than bending it.
 STEEPEST_ROUTING = 2.0
+SOFTEST_TRANSMISSION_N_M, THINNEST_TENDON_N = 20.0, 1.0
 
 
 def doubts(robot: RobotSpec) -> list[str]:
@@ -35,7 +36,7 @@ def doubts(robot: RobotSpec) -> list[str]:
         found += _doubt_backbone(place, backbone)
     for index, (segment, backbone) in enumerate(zip(robot.segments, robot.segment_backbones, strict=True)):
         found += _doubt_segment(f"segments[{index + 1}]", segment, backbone)
-    found += _doubt_tendons(robot)
+    found += [*_doubt_tendons(robot), *_doubt_drive_and_tip(robot)]
     if not found:
         found += _doubt_weight(robot)
     return found
@@ -136,11 +137,26 @@ def _doubt_tension(place: str, tendon: Tendon, segment: Segment, backbone: Backb
         yield f"{place}.max_tension_n = {tension:g} would bend the segment by {turns:.3g} turns; {question}"
 
 
+def _doubt_drive_and_tip(robot: RobotSpec) -> Iterator[str]:
+    softest = float(robot.drive.transmission_stiffness.min())
+    if softest < SOFTEST_TRANSMISSION_N_M:
+        yield (
+            f"drive.transmission_stiffness_n_m = {softest:g} is softer than a rubber band; is it in N/mm? "
+            f"{softest:g} N/mm is {softest * 1e3:g} N/m"
+        )
+    thinnest = float(robot.tendon_stiffnesses.min())
+    if robot.format == "tdcr-robot/2" and thinnest < THINNEST_TENDON_N:
+        yield f"tendons: axial_stiffness_n = {thinnest:g} is softer than a thread of rubber; it is E A, in N"
+    offset = math.hypot(*robot.tip.offset_m)
+    if offset > robot.length:
+        yield f"tip.offset_m: {offset:g} m is more than the robot's length; is it in mm?"
+    if robot.camera is not None and robot.camera.range_m[1] > LONGEST_M:
+        yield f"camera.range_m: a camera that sees {robot.camera.range_m[1]:g} m far is no endoscope; is it in mm?"
+
+
 def _doubt_weight(robot: RobotSpec) -> Iterator[str]:
-    rods = list(zip(robot.segments, robot.segment_backbones, strict=True))
-    mass = robot.disk_masses.sum() + robot.tip.mass_kg
-    mass += sum(segment.length_m * backbone.weight_per_length_kg_m for segment, backbone in rods)
-    softest = min(backbone.stiffness_bending_torsion[0] for _, backbone in rods)
+    mass = robot.disk_masses.sum() + robot.tip.mass_kg + robot.backbone_mass
+    softest = min(min(backbone.stiffness_bending_torsion[:2]) for backbone in robot.segment_backbones)
     ratio = 9.81 * mass * robot.length**2 / softest
     if ratio > LARGEST_WEIGHT_RATIO:
         what = "tip.mass_kg" if robot.tip.mass_kg > 0.5 * mass else "disk_mass_kg and density_kg_m3"

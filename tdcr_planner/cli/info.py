@@ -67,10 +67,9 @@ def info(file: tyro.conf.Positional[Path]) -> int:
 
 
 def _describe_robot(robot: RobotSpec) -> str:
-    weight = robot.disk_masses.sum() + robot.tip.mass_kg
+    weight = robot.disk_masses.sum() + robot.tip.mass_kg + robot.backbone_mass
     lines = [f"robot {robot.name!r}, mechanics {robot.mechanics_hash[:12]}"]
     for index, (segment, backbone) in enumerate(zip(robot.segments, robot.segment_backbones, strict=True)):
-        weight += backbone.weight_per_length_kg_m * segment.length_m
         masses = sorted({f"{1e3 * mass:g}" for mass in segment.masses}, key=float)
         lines.append(
             f"segment {index + 1}: {1e3 * segment.length_m:g} mm, {segment.disks} disks of "
@@ -114,11 +113,7 @@ def _describe_rod(backbone: Backbone) -> str:
 
 def _describe_tendon(tendon: Tendon) -> str:
     """Returns where a tendon runs and ends, and what there is to it besides."""
-    start, end = ((1e3 * x, 1e3 * y) for x, y in tendon.offsets([tendon.start_arc_length, tendon.end_arc_length]))
-    text = f"disk {tendon.start_disk} to {tendon.end_disk}, at ({start[0]:.3g}, {start[1]:.3g}) mm"
-    if tendon.straight_path is None:
-        kinds = " and ".join(sorted(kind.split()[0] for kind in tendon.path.kinds if " " in kind))
-        text += f" to ({end[0]:.3g}, {end[1]:.3g}) mm, {'through points' if kinds == 'tendons' else kinds}"
+    text = f"disk {tendon.start_disk} to {tendon.end_disk}, {_describe_path(tendon)}"
     if tendon.between_disks == "straight":
         text += ", straight between disks"
     if not math.isinf(tendon.max_tension):
@@ -126,6 +121,21 @@ def _describe_tendon(tendon: Tendon) -> str:
     if tendon.friction_coefficient:
         text += f", friction {tendon.friction_coefficient:g}"
     return text
+
+
+def _describe_path(tendon: Tendon) -> str:
+    from tdcr_planner.robot import PolarPath
+
+    ends = tendon.offsets([tendon.start_arc_length, tendon.end_arc_length])
+    radii = [f"{1e3 * math.hypot(x, y):.4g}" for x, y in ends]
+    angle = f"{math.degrees(math.atan2(ends[0, 1], ends[0, 0])):.4g} degrees"
+    across = " to ".join(dict.fromkeys(radii)) + " mm from the backbone"
+    if "tendons through points" in tendon.path.kinds:
+        return f"through points from {angle}, {across}"
+    if isinstance(tendon.path, PolarPath) and tendon.path.winding:
+        turns = tendon.path.winding * (tendon.end_arc_length - tendon.start_arc_length) / (2.0 * math.pi)
+        return f"winding by {turns:.4g} turns from {angle}, {across}"
+    return f"at {angle}, {across}"
 
 
 def _describe_drive(drive: Drive) -> list[str]:

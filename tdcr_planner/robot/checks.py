@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tdcr_planner.robot.backbone import Backbone
 from tdcr_planner.robot.drive_checks import check_drive
 from tdcr_planner.robot.faults import Faults, Place
@@ -19,7 +21,7 @@ def check_robot(robot: RobotSpec) -> None:
     if robot.format == "tdcr-robot/1":
         _check_tendon_circles(robot)
         return
-    for check in (_check_rods, _check_last_disk, check_ends, check_drive, check_routes):
+    for check in (_check_rods, _check_last_disk, check_ends, check_routes, check_drive, _check_bends):
         faults = Faults()
         check(robot, faults)
         faults.raise_if_any("RobotSpec")
@@ -95,3 +97,10 @@ def _check_last_disk(robot: RobotSpec, faults: Faults) -> None:
             f"the robot's last disk is its tip and must stand at length_m = {last.length_m:g}, got "
             f"{last.disk_places[-1]:g}",
         )
+
+
+def _check_bends(robot: RobotSpec, faults: Faults) -> None:
+    ends = robot.joins
+    middles = 0.5 * (ends + np.concatenate([[0.0], ends[:-1]]))
+    if robot.rigid_at(middles).all():
+        faults.add(("segments",), "rigid all along: a robot needs a stretch that bends")

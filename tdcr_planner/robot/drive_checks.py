@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 from tdcr_planner.robot.drive import PER_TENDON, DriveTable
-from tdcr_planner.robot.faults import Faults, name_of
+from tdcr_planner.robot.faults import Faults, Place, name_of
+from tdcr_planner.robot.tendons import Tendon
 
 if TYPE_CHECKING:
     from tdcr_planner.robot.spec import RobotSpec
@@ -25,17 +26,21 @@ def check_drive(robot: RobotSpec, faults: Faults) -> None:
     if faults:
         return
     for index, tendon in enumerate(robot.tendons):
-        name = name_of(("tendons", index))
-        if tendon.pretension >= tendon.max_tension:
-            faults.add(
-                ("drive", "pretension_n"),
-                f"must be below max_tension_n = {tendon.max_tension:g} of {name}, got {tendon.pretension:g}",
-            )
-        length = tendon.rest_length(robot.arc_lengths)
-        low, high = tendon.max_displacement
-        if high < math.inf and max(-low, high) >= length:
-            faults.add(
-                ("drive", "max_displacement_m"),
-                f"must be below the length {length:g} m of {name} inside the robot, got [{low:g}, {high:g}]; is it "
-                "in mm?",
-            )
+        _check_limits(("tendons", index), tendon, tendon.rest_length(robot.arc_lengths), faults)
+        if faults:
+            return
+
+
+def _check_limits(place: Place, tendon: Tendon, length: float, faults: Faults) -> None:
+    if tendon.pretension >= tendon.max_tension:
+        faults.add(
+            ("drive", "pretension_n"),
+            f"must be below max_tension_n = {tendon.max_tension:g} of {name_of(place)}, got {tendon.pretension:g}",
+        )
+    low, high = tendon.max_displacement
+    if high < math.inf and max(-low, high) >= length:
+        faults.add(
+            ("drive", "max_displacement_m"),
+            f"must be below the length {length:g} m of {name_of(place)} inside the robot, got [{low:g}, {high:g}]; "
+            "is it in mm?",
+        )

@@ -26,6 +26,7 @@ FEATURES = (
     "displacement drive",
     "elastic transmission",
     "backlash",
+    "uneven displacement limits",
     "no tension limit",
     "taper",
     "stiffness by axis",
@@ -76,6 +77,9 @@ def _of_drive(robot: RobotSpec) -> Iterator[str]:
         yield "elastic transmission"
     if drive.backlash.any():
         yield "backlash"
+    low, high = drive.max_displacement
+    if (low != -high).any():
+        yield "uneven displacement limits"
 
 
 def _of_rod(robot: RobotSpec) -> Iterator[str]:

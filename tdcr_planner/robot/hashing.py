@@ -8,7 +8,10 @@ import numpy as np
 
 from tdcr_planner.files import sha256_of_json
 from tdcr_planner.robot.backbone import Backbone
+from tdcr_planner.robot.drive import DriveTable
 from tdcr_planner.robot.segments import Segment
+from tdcr_planner.robot.tendon_list import end_disk_of
+from tdcr_planner.robot.tendons import TendonTable
 
 if TYPE_CHECKING:
     from tdcr_planner.robot.spec import RobotSpec
@@ -21,7 +24,6 @@ _NO_MECHANICS_OF_SEGMENTS = {
     "tendon_axial_stiffness_n",
     "max_tendon_displacement_m",
 }
-_NO_MECHANICS_OF_TENDONS = {"max_tension_n"}
 _NO_MECHANICS_OF_DRIVE = {"max_displacement_m", "spool_radius_m"}
 
 
@@ -58,15 +60,30 @@ def _as_version_1(robot: RobotSpec) -> dict[str, Any]:
 
 
 def _in_full(robot: RobotSpec) -> dict[str, Any]:
-    """Returns the mechanics of a version 2 robot in its own keys."""
-    content = robot.model_dump(exclude={"format", "name", "body", "camera", "backbone"})
-    for segment in content["segments"]:
-        for key in ("disk_radius_m", "disk_thickness_m", "backbone"):
-            del segment[key]
-    for tendon in content["tendons"]:
-        for key in _NO_MECHANICS_OF_TENDONS:
-            del tendon[key]
-    drive = content["drive"] or {}
-    content["drive"] = {key: value for key, value in drive.items() if key not in _NO_MECHANICS_OF_DRIVE}
-    content["backbones"] = [rod.model_dump(exclude={"max_strain"}) for rod in robot.segment_backbones]
+    """Returns the mechanics of a version 2 robot.
+
+    What the drive and the tendons' stretch do counts where displacement is commanded; commanded tensions act alike.
+    """
+    displaced = robot.drive.kind == "displacement"
+    drive = (robot.drive_table or DriveTable()).model_dump(exclude=_NO_MECHANICS_OF_DRIVE)
+    return {
+        "backbones": [rod.model_dump(exclude={"max_strain"}) for rod in robot.segment_backbones],
+        "segments": [
+            {"length_m": segment.length_m, "disks": segment.disk_places.tolist(), "rigid": segment.rigid}
+            for segment in robot.segments
+        ],
+        "disk_masses": robot.disk_masses.tolist(),
+        "tendons": [_tendon_in_full(robot, table, displaced) for table in robot.tendon_tables],
+        "drive": drive if displaced else {"kind": "tension"},
+        "tip": robot.tip.model_dump(),
+    }
+
+
+def _tendon_in_full(robot: RobotSpec, table: TendonTable, displaced: bool) -> dict[str, Any]:
+    content = table.model_dump(exclude={"segment", "end_disk", "max_tension_n"})
+    content["end_disk"] = end_disk_of(robot, table)
+    content["turns"] = table.turns or 0.0
+    content["end_radius_m"] = table.radius_m if table.end_radius_m is None else table.end_radius_m
+    if not displaced:
+        del content["axial_stiffness_n"]
     return content

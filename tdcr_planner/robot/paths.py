@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from tdcr_planner.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 
 class TendonPath(Protocol):
@@ -85,6 +87,8 @@ class SplinePath:
     @classmethod
     def through(cls, points: FloatArray) -> SplinePath:
         """Returns the curve through points [s, x, y], shape (k, 3), m, with s increasing and k two or more."""
+        from scipy.interpolate import CubicSpline  # takes as long to import as all the rest of a robot
+
         return cls(CubicSpline(points[:, 0], points[:, 1:]))
 
     @property

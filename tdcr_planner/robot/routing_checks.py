@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,6 +63,16 @@ def _check_points_reach(
             f"arc lengths must run from disk {start_disk} at {start:g} m to disk {end_disk} at {end:g} m, got "
             f"{first:g} to {last:g} m; they count from the robot's base",
         )
+        return
+    widest = float(robot.disk_radii[start_disk : end_disk + 1].max())
+    for row, (_, x, y) in enumerate(points):
+        if math.hypot(x, y) >= widest:
+            faults.add(
+                place,
+                f"a tendon must pass within its disks: below disk_radius_m = {widest:g}, got {math.hypot(x, y):g} m in "
+                f"row {row + 1}; are x and y in mm?",
+            )
+            return
 
 
 def check_routes(robot: RobotSpec, faults: Faults) -> None:
@@ -74,10 +85,7 @@ def _check_route(robot: RobotSpec, place: Place, tendon: Tendon, faults: Faults)
     stops = robot.arc_lengths[tendon.start_disk : tendon.end_disk + 1]
     key = "points_m" if "tendons through points" in tendon.path.kinds else "radius_m"
     at_disks = np.linalg.norm(tendon.offsets(stops), axis=1)
-    if tendon.start_disk == 0:
-        radii = robot.disk_radii[: tendon.end_disk + 1]
-    else:
-        radii = robot.disk_radii[tendon.start_disk : tendon.end_disk + 1]
+    radii = robot.disk_radii[tendon.start_disk : tendon.end_disk + 1]
     worst = int(np.argmax(at_disks - radii))
     if at_disks[worst] >= radii[worst]:
         faults.add(

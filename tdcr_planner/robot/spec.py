@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal
@@ -283,6 +284,15 @@ class RobotSpec(FileModel):
         result = np.empty_like(found)
         result[np.argsort(owner, kind="stable")] = found
         return result
+
+    @cached_property
+    def backbone_mass(self) -> float:
+        """Mass of the whole backbone, kg."""
+        starts = np.concatenate([[0.0], self.joins[:-1]])
+        half = 0.5 * (self.joins - starts)
+        # Two Gauss nodes are exact for the area of a radius linear in arc length.
+        nodes = (starts + half)[:, None] + half[:, None] * np.array([-1.0, 1.0]) / math.sqrt(3.0)
+        return float((half * self.mass_per_length_at(nodes.reshape(-1)).reshape(-1, 2).sum(axis=1)).sum())
 
     @cached_property
     def segment_circles(self) -> tuple[tuple[IntArray, float], ...]:

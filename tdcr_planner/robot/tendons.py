@@ -18,6 +18,8 @@ from tdcr_planner.robot.paths import PolarPath, SplinePath, TendonPath, polar_pa
 BetweenDisks = Literal["channel", "straight"]
 LARGEST_FRICTION = 2.0
 MOST_POINTS = 10_000
+# Of two points of a curve, relative to its length: nearer ones lose the slope between them to rounding.
+LEAST_SPACING = 1e-6
 
 
 class TendonTable(FileModel):
@@ -77,8 +79,9 @@ class TendonTable(FileModel):
             raise ValueError(f"points_m and {given[0]} exclude one another; give one of them")
         if len(points) < 2:
             raise ValueError(f"points_m: a curve needs two or more points [s, x, y], got {len(points)}")
+        least = LEAST_SPACING * abs(points[-1][0] - points[0][0])
         for before, after in itertools.pairwise(points):
-            if after[0] <= before[0]:
+            if after[0] - before[0] <= least:
                 raise ValueError(
                     f"points_m: a tendon must not double back: arc lengths must increase, got {after[0]:g} m after "
                     f"{before[0]:g} m"
