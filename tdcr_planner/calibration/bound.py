@@ -1,4 +1,4 @@
-"""An error bound from measured states that a fit has not seen: split conformal at tracked points, grown to all disks."""
+"""An error bound from measured states that a fit has not seen: conformal at tracked points, grown to all disks."""
 
 from __future__ import annotations
 

@@ -20,8 +20,8 @@ NOISE_CHANGE = 0.1
 UNSOLVED = 5.0
 """Residual of a state without equilibrium, in noise deviations."""
 LEAST_NOISE_M, LEAST_NOISE_N = 1e-7, 1e-6
-STEP = 1e-3
-"""Of the differences, in spreads of the parameters before measuring; smaller where the spread is wide."""
+STEP = 1e-4
+"""Of the differences, in spreads of the parameters before measuring."""
 
 Progress = Callable[[str], None]
 
@@ -166,7 +166,7 @@ class Problem:
         at = self.residuals(numbers, noise, seen)
         jacobian = np.empty((len(at), len(numbers)))
         for index, parameter in enumerate(parameters_of(self.blocks)):
-            step = STEP * min(parameter.spread, 0.1)
+            step = STEP * parameter.spread
             moved = numbers.copy()
             moved[index] += step
             jacobian[:, index] = (self.residuals(moved, noise, seen, keep=False) - at) / step

@@ -12,7 +12,7 @@ from tdcr_planner.compiled import njit
 OPTIONS: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
 
 ITERATIONS = 60
-TOLERANCE = 1e-8
+TOLERANCE = 1e-11
 LARGEST_BEND_STEP = 0.5
 """Largest change of a segment's bend in one iteration, rad: a chord's length is far from linear over a whole turn."""
 LINE_STEPS = 12

@@ -74,18 +74,19 @@ def assess_uncertainty(fit: Fit) -> Uncertainty:
     )
 
 
-def find_inseparable(information: FloatArray, labels: list[str]) -> tuple[tuple[str, ...], ...]:
+def find_inseparable(information: FloatArray, labels: list[str], *, below: float = 1.0) -> tuple[tuple[str, ...], ...]:
     """Returns groups of parameters of which the measurements tell a combination less than was known before.
 
     Args:
         information: Information of the measurements in units of what was known before, shape (k, k).
         labels: Names of the parameters.
+        below: Information on a combination below which it counts as not told.
     """
     values, vectors = np.linalg.eigh(information)
     groups = []
     for value, vector in zip(values, vectors.T, strict=True):
         main = [label for label, part in zip(labels, vector, strict=True) if abs(part) > MAIN_COMPONENT]
-        if value < 1.0 and len(main) > 1:
+        if value < below and len(main) > 1:
             groups.append(tuple(main))
     return tuple(groups)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from tdcr_planner.cli.calibrate import calibrate
 from tdcr_planner.cli.compare import compare
 from tdcr_planner.cli.evaluate import evaluate
 from tdcr_planner.cli.info import info
@@ -27,5 +28,6 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "solve": solve,
     "train": train,
     "evaluate": evaluate,
+    "calibrate": calibrate,
     "info": info,
 }
