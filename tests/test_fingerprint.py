@@ -16,7 +16,7 @@ from tdcr_planner.compiled import njit
 from tdcr_planner.fingerprint import UnknownValueError, fingerprint
 
 MODULES = [
-    "tdcr_planner.statics.kernels",
+    "tdcr_planner.statics.batch",
     "tdcr_planner.shape.shooting",
     "tdcr_planner.collision.settle",
     "tdcr_planner.collision.clearance",

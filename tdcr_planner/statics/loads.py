@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import FloatArray, check_array, check_batch
 from tdcr_planner.robot import RobotSpec
+from tdcr_planner.statics.cut_loads import LoadBatch
 
 
 @dataclass(frozen=True)
@@ -20,14 +21,32 @@ class RodLoads:
         tip_force: Shape (n, 3), N, at the centre of the last disk.
         tip_moment: Shape (n, 3), N m, at the last disk.
         distributed_force: Shape (n, 3), N per metre of backbone.
+        distributed_moment: Shape (n, 3), N m per metre of backbone.
         disk_forces: Shape (n, d, 3), N at each disk centre, or (0, d, 3) for none.
+        disk_moments: Shape (n, d, 3), N m at each disk, or (0, d, 3) for none.
     """
 
     gravity: FloatArray
     tip_force: FloatArray
     tip_moment: FloatArray
     distributed_force: FloatArray
+    distributed_moment: FloatArray
     disk_forces: FloatArray
+    disk_moments: FloatArray
+
+    @property
+    def batch(self) -> LoadBatch:
+        """The same for compiled code."""
+        none = np.zeros((1, *self.disk_forces.shape[1:]))
+        return LoadBatch(
+            gravity=self.gravity,
+            tip_force=self.tip_force,
+            tip_moment=self.tip_moment,
+            distributed_force=self.distributed_force,
+            distributed_moment=self.distributed_moment,
+            disk_forces=self.disk_forces if len(self.disk_forces) else none,
+            disk_moments=self.disk_moments if len(self.disk_moments) else none,
+        )
 
     def point_forces(self, robot: RobotSpec) -> FloatArray:
         """Returns the force on each disk, weight and payload included, shape (n, d, 3), N."""
@@ -43,27 +62,37 @@ class RodLoads:
 def check_loads(
     robot: RobotSpec,
     count: int,
-    gravity: ArrayLike | None,
-    tip_force: ArrayLike | None,
-    tip_moment: ArrayLike | None,
-    distributed_force: ArrayLike | None,
-    disk_forces: ArrayLike | None,
+    *,
+    gravity: ArrayLike | None = None,
+    tip_force: ArrayLike | None = None,
+    tip_moment: ArrayLike | None = None,
+    distributed_force: ArrayLike | None = None,
+    distributed_moment: ArrayLike | None = None,
+    disk_forces: ArrayLike | None = None,
+    disk_moments: ArrayLike | None = None,
 ) -> RodLoads:
     """Returns checked loads for a batch of `count` cases; None is no load.
 
     Raises:
         InputError: A load has the wrong shape or is not finite.
     """
-    if disk_forces is None:
-        forces = np.zeros((0, robot.disk_count, 3))
-    else:
-        forces = check_array("disk_forces", disk_forces, (count, robot.disk_count, 3))
+
+    def vectors(name: str, value: ArrayLike | None) -> FloatArray:
+        return writable(check_batch(name, value, count, 3))
+
+    def at_disks(name: str, value: ArrayLike | None) -> FloatArray:
+        if value is None:
+            return np.zeros((0, robot.disk_count, 3))
+        return writable(check_array(name, value, (count, robot.disk_count, 3)))
+
     return RodLoads(
-        gravity=writable(check_batch("gravity", gravity, count, 3)),
-        tip_force=writable(check_batch("tip_force", tip_force, count, 3)),
-        tip_moment=writable(check_batch("tip_moment", tip_moment, count, 3)),
-        distributed_force=writable(check_batch("distributed_force", distributed_force, count, 3)),
-        disk_forces=writable(forces),
+        gravity=vectors("gravity", gravity),
+        tip_force=vectors("tip_force", tip_force),
+        tip_moment=vectors("tip_moment", tip_moment),
+        distributed_force=vectors("distributed_force", distributed_force),
+        distributed_moment=vectors("distributed_moment", distributed_moment),
+        disk_forces=at_disks("disk_forces", disk_forces),
+        disk_moments=at_disks("disk_moments", disk_moments),
     )
 
 

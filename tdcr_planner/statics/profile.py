@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics import kernels
+from tdcr_planner.statics.batch import record_cases
 from tdcr_planner.statics.rod import RodArrays, rod_arrays
 from tdcr_planner.statics.solver import RodSolution
 
@@ -25,8 +25,7 @@ class RodProfile:
 
     Attributes:
         arc_lengths: Shape (c, 4), m.
-        segments: Segment of each step, shape (c,).
-        step_lengths: Shape (c,), m.
+        rod: What the robot is at these steps.
         linear_strain: v, body frame, shape (n, c, 4, 3).
         curvature: u, body frame, shape (n, c, 4, 3), 1/m.
         force: R^T N, force across the cut through backbone and tendons, body frame, shape (n, c, 4, 3), N.
@@ -35,8 +34,7 @@ class RodProfile:
     """
 
     arc_lengths: FloatArray
-    segments: IntArray
-    step_lengths: FloatArray
+    rod: RodArrays
     linear_strain: FloatArray
     curvature: FloatArray
     force: FloatArray
@@ -53,7 +51,7 @@ class RodProfile:
         Returns:
             Shape (n,).
         """
-        lengths = self.step_lengths if steps is None else self.step_lengths[steps]
+        lengths = self.rod.step_lengths if steps is None else self.rod.step_lengths[steps]
         return np.asarray((values @ STAGE_WEIGHTS) @ lengths)
 
 
@@ -66,13 +64,9 @@ def rod_profile(robot: RobotSpec, solution: RodSolution) -> RodProfile:
     """
     rod = solved_rod(robot, solution)
     record = record_solution(rod, solution)
-    ends = np.cumsum(rod.step_lengths)
-    starts = ends - rod.step_lengths
-    middles = 0.5 * (starts + ends)
     return RodProfile(
-        arc_lengths=np.stack([starts, middles, middles, ends], axis=1),
-        segments=rod.step_segments,
-        step_lengths=rod.step_lengths,
+        arc_lengths=rod.stage_lengths,
+        rod=rod,
         linear_strain=record[..., 6:9],
         curvature=record[..., 9:12],
         force=record[..., 0:3],
@@ -94,19 +88,6 @@ def solved_rod(robot: RobotSpec, solution: RodSolution) -> RodArrays:
 
 def record_solution(rod: RodArrays, solution: RodSolution) -> FloatArray:
     """Returns load, strain and rotation at every stage, shape (n, c, 4, 21); NaN where there is no equilibrium."""
-    loads = solution.loads
-    forces = loads.disk_forces if len(loads.disk_forces) else np.zeros((1, *loads.disk_forces.shape[1:]))
     record = np.empty((len(solution.tensions), len(rod.step_lengths), 4, 21))
-    kernels.record_cases(
-        rod,
-        solution.tensions,
-        loads.gravity,
-        loads.tip_force,
-        loads.tip_moment,
-        loads.distributed_force,
-        forces,
-        solution.converged,
-        solution.base_moment,
-        record,
-    )
+    record_cases(rod, solution.tensions, solution.loads.batch, solution.converged, solution.base_moment, record)
     return record

@@ -9,7 +9,7 @@ import numpy as np
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import skew
-from tdcr_planner.statics import kernels
+from tdcr_planner.statics.batch import variations_of_cases
 from tdcr_planner.statics.profile import record_solution, solved_rod
 from tdcr_planner.statics.rod import RodArrays
 from tdcr_planner.statics.solver import RodSolution
@@ -77,7 +77,9 @@ def statics_jacobian(robot: RobotSpec, solution: RodSolution, *, with_disk_force
     at_disks = np.full((count, disks, 6, columns), np.nan)
     end = np.full((count, 3, columns), np.nan)
     record = record_solution(rod, solution)
-    kernels.variations_of_cases(rod, solution.tensions, solution.converged, record, profiles, at_disks, end)
+    lengths = np.full((count, tendons, columns), np.nan)
+    variations_of_cases(rod, solution.tensions, solution.converged, record, profiles, at_disks, end, lengths)
+    _subtract_payload(rod, solution, at_disks, end)
     # delta M(l) = B dM(0) + (parameters) - dM_tip = 0, so dM(0) = B^-1 (dM_tip - parameters).
     changes = np.concatenate([-end[:, :, 3:], np.tile(np.eye(3), (count, 1, 1))], axis=2)
     base = np.full_like(changes, np.nan)
@@ -100,25 +102,32 @@ def statics_jacobian(robot: RobotSpec, solution: RodSolution, *, with_disk_force
     )
 
 
+def _subtract_payload(rod: RodArrays, solution: RodSolution, at_disks: FloatArray, end: FloatArray) -> None:
+    """Takes the moment (R a) x m g of a payload off the axis from the variations of M(l)."""
+    lever = solution.rotations[:, -1] @ rod.payload[1:]
+    turned = np.cross(at_disks[:, -1, :3], lever[:, :, None], axis=1)
+    end -= np.cross(turned, (rod.payload[0] * solution.loads.gravity)[:, :, None], axis=1)
+    gravity = 3 + rod.tendons.shape[1]
+    end[:, :, gravity : gravity + 3] -= rod.payload[0] * skew(lever)
+
+
 def _force_profiles(rod: RodArrays, with_disk_forces: bool) -> FloatArray:
-    """Returns the force across the cut at each step's start and its decrease per length, for a unit of each family.
+    """Returns the force across the cut at each stage point for a unit of each family of forces.
 
     Families: gravity, tip force, distributed force, and where asked for the force at each disk.
 
     Returns:
-        Shape (families, c, 2).
+        Shape (families, c, 3).
     """
     steps, disks = len(rod.step_lengths), len(rod.disk_masses)
-    per_length = rod.weight_per_length[rod.step_segments]
     ends_at = np.where(rod.step_disks >= 0, rod.step_disks, 0)
     point_masses = np.where(rod.step_disks >= 0, rod.disk_masses[ends_at], 0.0)
-    profiles = np.zeros((3 + (disks if with_disk_forces else 0), steps, 2))
-    profiles[0, :, 0] = np.cumsum((point_masses + per_length * rod.step_lengths)[::-1])[::-1]
-    profiles[0, :, 1] = per_length
-    profiles[1, :, 0] = 1.0
-    profiles[2, :, 0] = np.cumsum(rod.step_lengths[::-1])[::-1]
-    profiles[2, :, 1] = 1.0
+    along = np.insert(rod.step_masses, 0, 0.0, axis=1)
+    profiles = np.zeros((3 + (disks if with_disk_forces else 0), steps, 3))
+    profiles[0] = np.cumsum((point_masses + rod.step_masses[:, 1])[::-1])[::-1][:, None] - along
+    profiles[1] = 1.0
+    profiles[2] = np.cumsum(rod.step_lengths[::-1])[::-1][:, None] - rod.step_lengths[:, None] * [0.0, 0.5, 1.0]
     if with_disk_forces:
         last_step = np.array([-1, *np.flatnonzero(rod.step_disks >= 0)])
-        profiles[3:, :, 0] = np.arange(steps)[None, :] <= last_step[:, None]
+        profiles[3:] = (np.arange(steps)[None, :] <= last_step[:, None])[..., None]
     return profiles

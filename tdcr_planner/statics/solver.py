@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics import kernels
+from tdcr_planner.statics.batch import BatchResults, solve_cases, solve_drive_cases
+from tdcr_planner.statics.branch import CONVERGED, UNSTABLE
+from tdcr_planner.statics.drive_settings import dead_band, drive_arrays
 from tdcr_planner.statics.loads import RodLoads, check_loads, writable
 from tdcr_planner.statics.rod import rod_arrays
 
@@ -80,9 +82,10 @@ class RodSolution:
         base_moment: Moment across the cut at the base, shape (n, 3), N m, base frame; what a warm start needs.
         stable: Whether the equilibrium is stable, shape (n,); false where none was found.
         load_fraction: Fraction of the loads up to which the branch from the unloaded shape was followed, shape (n,).
-        tensions: The tensions solved for, shape (n, t), N.
+        tensions: The tensions solved for, or found from displacements, shape (n, t), N.
         loads: The loads solved for.
         settings: The settings used.
+        displacements: The displacements solved for, shape (n, t), m; None where tensions were given.
     """
 
     positions: FloatArray
@@ -98,6 +101,7 @@ class RodSolution:
     tensions: FloatArray
     loads: RodLoads
     settings: SolverSettings
+    displacements: FloatArray | None = None
 
 
 _DEFAULT_SETTINGS = SolverSettings()
@@ -105,13 +109,16 @@ _DEFAULT_SETTINGS = SolverSettings()
 
 def solve_statics(
     robot: RobotSpec,
-    tensions: ArrayLike,
+    tensions: ArrayLike | None = None,
     *,
+    displacements: ArrayLike | None = None,
     gravity: ArrayLike | None = None,
     tip_force: ArrayLike | None = None,
     tip_moment: ArrayLike | None = None,
     distributed_force: ArrayLike | None = None,
+    distributed_moment: ArrayLike | None = None,
     disk_forces: ArrayLike | None = None,
+    disk_moments: ArrayLike | None = None,
     initial: RodSolution | None = None,
     settings: SolverSettings = _DEFAULT_SETTINGS,
 ) -> RodSolution:
@@ -123,11 +130,15 @@ def solve_statics(
     Args:
         robot: The robot.
         tensions: Shape (n, t), N, one column a tendon in the robot file's order.
+        displacements: In place of tensions, what the drive has pulled in of each tendon, shape (n, t), m. The tensions
+            are found with the shape; a tendon whose length is not used up is slack and has none.
         gravity: Acceleration, shape (3,) or (n, 3), m/s^2; acts on backbone, disks and payload.
         tip_force: Shape (3,) or (n, 3), N, at the centre of the last disk.
         tip_moment: Shape (3,) or (n, 3), N m, at the last disk.
         distributed_force: Shape (3,) or (n, 3), N per metre of backbone, on top of its weight.
+        distributed_moment: Shape (3,) or (n, 3), N m per metre of backbone.
         disk_forces: Shape (n, d, 3), N, at each disk centre; that on the base is borne by the clamp.
+        disk_moments: Shape (n, d, 3), N m, at each disk; that on the base is borne by the clamp.
         initial: A neighbouring solution of as many cases (or of one, used for all) to start from. Where a start
             fails or ends at an unstable shape, the case is solved from the unloaded shape.
         settings: Tolerance, steps, threads.
@@ -138,25 +149,33 @@ def solve_statics(
     Raises:
         InputError: Wrong shapes, values that are not finite, negative tensions.
     """
-    tension = writable(robot.check_tensions(tensions))
+    pulled, tension = _check_actuation(robot, tensions, displacements, initial)
     count = len(tension)
-    loads = check_loads(robot, count, gravity, tip_force, tip_moment, distributed_force, disk_forces)
+    loads = check_loads(
+        robot, count, gravity=gravity, tip_force=tip_force, tip_moment=tip_moment,
+        distributed_force=distributed_force, distributed_moment=distributed_moment, disk_forces=disk_forces,
+        disk_moments=disk_moments,
+    )  # fmt: skip
     rod = rod_arrays(robot, settings.steps_per_gap)
     disks = robot.disk_count
     guesses = _initial_moments(initial, count)
-    forces = loads.disk_forces if len(loads.disk_forces) else np.zeros((1, disks, 3))
-    positions = np.empty((count, disks, 3))
-    rotations = np.empty((count, disks, 3, 3))
-    base_moment = np.empty((count, 3))
-    residual, fraction = np.empty(count), np.empty(count)
-    codes, sweeps = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    results = BatchResults(
+        positions=np.empty((count, disks, 3)),
+        rotations=np.empty((count, disks, 3, 3)),
+        base_moments=np.empty((count, 3)),
+        residuals=np.empty(count),
+        codes=np.empty(count, dtype=np.int64),
+        iterations=np.empty(count, dtype=np.int64),
+        fractions=np.empty(count),
+    )
+    batch, warm, drive = loads.batch, initial is not None, drive_arrays(robot, rod)
 
     def solve_rows(start: int, stop: int) -> None:
-        kernels.solve_cases(
-            rod, tension, loads.gravity, loads.tip_force, loads.tip_moment, loads.distributed_force, forces, guesses,
-            initial is not None, settings.tolerance, settings.first_load_step, start, stop,
-            positions, rotations, base_moment, residual, codes, sweeps, fraction,
-        )  # fmt: skip
+        options = warm, settings.tolerance, settings.first_load_step, start, stop, results
+        if pulled is None:
+            solve_cases(rod, tension, batch, guesses, *options)
+        else:
+            solve_drive_cases(rod, drive, pulled, batch, guesses, tension, *options)
 
     workers = min(settings.threads, count)
     if workers <= 1:
@@ -166,20 +185,38 @@ def solve_statics(
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(solve_rows, bounds[:-1].tolist(), bounds[1:].tolist()))
     return RodSolution(
-        positions=positions,
-        rotations=rotations,
+        positions=results.positions,
+        rotations=results.rotations,
         arc_lengths=robot.arc_lengths,
-        converged=codes <= kernels.UNSTABLE,
-        residual=residual,
-        status=_STATUS[codes],
-        iterations=sweeps,
-        base_moment=base_moment,
-        stable=codes == kernels.CONVERGED,
-        load_fraction=fraction,
+        converged=results.codes <= UNSTABLE,
+        residual=results.residuals,
+        status=_STATUS[results.codes],
+        iterations=results.iterations,
+        base_moment=results.base_moments,
+        stable=results.codes == CONVERGED,
+        load_fraction=results.fractions,
         tensions=tension,
         loads=loads,
         settings=settings,
+        displacements=None if displacements is None else robot.check_displacements(displacements),
     )
+
+
+def _check_actuation(
+    robot: RobotSpec, tensions: ArrayLike | None, displacements: ArrayLike | None, initial: RodSolution | None
+) -> tuple[FloatArray | None, FloatArray]:
+    """Returns the displacements behind the drive's play, or None, and the tensions, given or to start from."""
+    if (tensions is None) == (displacements is None):
+        came = "neither" if tensions is None else "both"
+        raise InputError("tensions", "either tensions or displacements", came)
+    if displacements is None:
+        assert tensions is not None
+        return None, writable(robot.check_tensions(tensions))
+    pulled = dead_band(robot, robot.check_displacements(displacements))
+    start = np.zeros((1, robot.tendon_count)) if initial is None else initial.tensions
+    if len(start) not in (1, len(pulled)):
+        raise InputError("initial", f"a solution of 1 or {len(pulled)} cases", f"one of {len(start)}")
+    return pulled, np.array(np.broadcast_to(start, pulled.shape))
 
 
 def _initial_moments(initial: RodSolution | None, count: int) -> FloatArray:

@@ -8,6 +8,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.limits import at_most
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.statics.profile import rod_profile
+from tdcr_planner.statics.rod import POINT_OF_STAGE
 from tdcr_planner.statics.solver import RodSolution
 
 
@@ -22,9 +23,11 @@ def largest_bending_strain(robot: RobotSpec, solution: RodSolution) -> FloatArra
     """
     profile = rod_profile(robot, solution)
     strain = np.empty((len(solution.tensions), robot.segment_count))
+    rest = profile.rod.rest_strain[:, list(POINT_OF_STAGE), 3:5]
+    owner = np.searchsorted(robot.segment_ends, profile.arc_lengths[:, 1])
     for index, backbone in enumerate(robot.segment_backbones):
-        own = profile.segments == index
-        bending = profile.curvature[:, own, :, :2] - np.asarray(backbone.rest_curvature_1_m[:2])
+        own = owner == index
+        bending = profile.curvature[:, own, :, :2] - rest[own]
         strain[:, index] = backbone.radius_m * np.linalg.norm(bending, axis=-1).max(axis=(1, 2))
     return strain
 

@@ -8,14 +8,16 @@ from numpy.typing import ArrayLike
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.limits import at_most
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics.profile import rod_profile
+from tdcr_planner.statics.batch import lengths_of_cases
+from tdcr_planner.statics.drive_settings import drive_arrays
+from tdcr_planner.statics.profile import record_solution, solved_rod
 from tdcr_planner.statics.solver import RodSolution
 
 
 def tendon_lengths(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike | None = None) -> FloatArray:
     """Returns the length of each tendon's path from the base to the disk that it ends at.
 
-    The integral of |p_i'| = |v + u x r_i| (Rucker and Webster 2011, tendon kinematics) over the tendon's segments.
+    The integral of |p_i'| = |v + u x r_i + r_i'| (Rucker and Webster 2011, tendon kinematics).
 
     Args:
         robot: The robot.
@@ -27,22 +29,18 @@ def tendon_lengths(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike 
     """
     if tensions is not None:
         robot.check_tensions(tensions)
-    profile = rod_profile(robot, solution)
-    lengths = np.empty((len(solution.tensions), robot.tendon_count))
-    for tendon, (offset, segment) in enumerate(zip(robot.tendon_offsets, robot.tendon_segments, strict=True)):
-        passes = profile.segments <= segment
-        direction = profile.linear_strain[:, passes] + np.cross(profile.curvature[:, passes], offset)
-        stretch = np.linalg.norm(direction, axis=-1)
-        lengths[:, tendon] = profile.integral(stretch, passes)
-    return lengths
+    rod = solved_rod(robot, solution)
+    lengths = np.empty((len(solution.tensions), 2, robot.tendon_count))
+    lengths_of_cases(rod, solution.tensions, solution.converged, record_solution(rod, solution), lengths)
+    return np.ascontiguousarray(lengths[:, 0])
 
 
 def tendon_displacements(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike | None = None) -> FloatArray:
-    """Returns how far each tendon is pulled out at the base, against the unloaded robot at rest.
+    """Returns how far the drive has pulled each tendon in, against the unloaded robot at rest with its pretension.
 
     At rest the robot is straight, or as curved as its backbone's `rest_curvature_1_m` says. Positive where the tendon
-    is pulled out. Where the segment gives `tendon_axial_stiffness_n`, the elastic stretch
-    tension x length / stiffness of the part inside the robot is added: that much more has to be pulled.
+    is pulled. What tendon and transmission stretch by is included: that much more has to be pulled. For a slack tendon
+    it is the displacement at which it becomes taut.
 
     Args:
         robot: The robot.
@@ -53,27 +51,15 @@ def tendon_displacements(robot: RobotSpec, solution: RodSolution, tensions: Arra
         Shape (n, t), m; NaN for cases without an equilibrium.
     """
     tension = solution.tensions if tensions is None else robot.check_tensions(tensions)
+    drive = drive_arrays(robot, solved_rod(robot, solution))
     lengths = tendon_lengths(robot, solution)
-    rest = rest_tendon_lengths(robot)
-    stiffness = np.array([segment.tendon_axial_stiffness_n or np.inf for segment in robot.segments])
-    return np.asarray(rest - lengths + tension * lengths / stiffness[robot.tendon_segments])
-
-
-def rest_tendon_lengths(robot: RobotSpec) -> FloatArray:
-    """Returns the length of each tendon's path in the unloaded robot, shape (t,), m.
-
-    The rest curvature u* is constant along a segment, and v = e3, so that |e3 + u* x r| times the length is exact.
-    """
-    lengths = np.zeros(robot.tendon_count)
-    for index, (segment, backbone) in enumerate(zip(robot.segments, robot.segment_backbones, strict=True)):
-        direction = np.array([0.0, 0.0, 1.0]) + np.cross(backbone.rest_curvature_1_m, robot.tendon_offsets)
-        passes = robot.tendon_segments >= index
-        lengths += np.where(passes, segment.length_m * np.linalg.norm(direction, axis=1), 0.0)
-    return lengths
+    stretched = (tension - drive.pretension) * drive.compliance
+    stretched = stretched + (tension * lengths - drive.pretension * drive.rest_lengths) * drive.stretch
+    return np.asarray(drive.rest_lengths - lengths + stretched)
 
 
 def within_displacement_limits(robot: RobotSpec, solution: RodSolution) -> BoolArray:
-    """Returns which cases keep every `Segment.max_tendon_displacement_m`, (n,); false without an equilibrium."""
-    limits = np.array([segment.max_tendon_displacement_m or np.inf for segment in robot.segments])
-    displaced = np.abs(tendon_displacements(robot, solution))
-    return np.asarray(at_most(displaced, limits[robot.tendon_segments]).all(axis=1))
+    """Returns which cases keep the drive's displacement limits, shape (n,); false without an equilibrium."""
+    displaced = tendon_displacements(robot, solution)
+    lowest, highest = robot.drive.max_displacement
+    return np.asarray(at_most(displaced, highest).all(axis=1) & at_most(-displaced, -lowest).all(axis=1))

@@ -21,7 +21,9 @@ def test_forces_and_moments_balance_at_every_junction(
     outside = solution.loads.point_forces(general_robot)
     kinks = []
     for segment in range(general_robot.segment_count - 1):
-        last = int(np.flatnonzero(profile.segments == segment)[-1])
+        last = int(
+            np.flatnonzero(np.searchsorted(general_robot.segment_ends, profile.arc_lengths[:, 1]) == segment)[-1]
+        )
         disk = int(np.flatnonzero(general_robot.disk_segments == segment)[-1])
         rotation = solution.rotations[:, disk]
         weight = np.einsum("nji,nj->ni", rotation, outside[:, disk])
