@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from tdcr_planner.cli.adopt import adopt
+from tdcr_planner.cli.calibrate import calibrate
 from tdcr_planner.cli.compare import compare
 from tdcr_planner.cli.evaluate import evaluate
 from tdcr_planner.cli.info import info
@@ -31,5 +32,6 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "train": train,
     "adopt": adopt,
     "evaluate": evaluate,
+    "calibrate": calibrate,
     "info": info,
 }

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.calibration.table import MeasuredTable, axes_of, read_table
 from tdcr_planner.errors import FormatError
-from tdcr_planner.files import read_text
 from tdcr_planner.learning.dataset import Cases
 from tdcr_planner.learning.loads import LARGEST_GRAVITY_M_S2, LARGEST_LOAD_RATIO, load_ratio
 from tdcr_planner.robot import RobotSpec
-
-MOST_SHAPES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -51,64 +48,32 @@ def read_measured_shapes(path: str | Path, robot: RobotSpec) -> MeasuredShapes:
         FormatError: Columns are missing or unknown, a field is no finite number, a tension is negative or far beyond
             its limit, or positions or loads are beyond this robot, as they are in the wrong unit.
     """
-    header, rows = _read_table(path)
-    tendons = _tension_columns(header, robot)
-    disks = _check_columns(path, header, tendons, robot)
-    columns = {name: index for index, name in enumerate(header)}
-
-    def vectors(names: list[str], *, may_be_empty: bool = False) -> FloatArray:
-        return np.array(
-            [[_parse(path, line, name, row[columns[name]], may_be_empty) for name in names] for line, row in rows]
-        )
-
-    tensions = vectors(tendons)
+    table = read_table(path)
+    tendons = _tension_columns(table.header, robot)
+    disks = _check_columns(path, table.header, tendons, robot)
+    tensions = table.numbers(tendons)
     loads = []
-    for names in (_axes("gravity_{}_m_s2"), _axes("tip_force_{}_n")):
-        loads.append(vectors(names) if names[0] in columns else np.zeros((len(rows), 3)))
-    names = [name for disk in disks for name in _axes(f"disk_{disk}_{{}}_m")]
-    positions = vectors(names, may_be_empty=True).reshape(len(rows), len(disks), 3)
-    _check_values(path, rows, tendons, tensions, positions, disks, robot)
+    for names in (axes_of("gravity_{}_m_s2"), axes_of("tip_force_{}_n")):
+        loads.append(table.numbers(names) if names[0] in table.header else np.zeros((len(table.rows), 3)))
+    names = [name for disk in disks for name in axes_of(f"disk_{disk}_{{}}_m")]
+    positions = table.numbers(names, may_be_empty=True).reshape(len(table.rows), len(disks), 3)
+    _check_values(table, tendons, tensions, positions, disks, robot)
     gravity, tip_force = loads
-    _check_loads(path, rows, gravity, tip_force, robot)
+    _check_loads(table, gravity, tip_force, robot)
     return MeasuredShapes(Path(path), Cases(tensions, gravity, tip_force), disks, positions)
 
 
-def _read_table(path: str | Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    try:
-        table = list(csv.reader(read_text(path).split("\n"), strict=True))
-    except csv.Error as error:
-        raise FormatError(path, f"is not valid CSV: {error}") from error
-    if len(table) > MOST_SHAPES:
-        raise FormatError(path, f"expected at most {MOST_SHAPES:,} rows, got {len(table):,}: no bench measures so many")
-    if not any(table[1:]):
-        raise FormatError(path, "expected a header and at least one row of measured values")
-    header = [name.strip() for name in table[0]]
-    if len(header) == 1 and ";" in header[0]:
-        raise FormatError(path, "expected fields separated by commas, got semicolons")
-    rows = []
-    for line, row in enumerate(table[1:], start=2):
-        if not row:
-            continue
-        if len(row) != len(header):
-            raise FormatError(path, f"expected {len(header)} fields as in the header, got {len(row)}", f"line {line}")
-        rows.append((line, row))
-    return header, rows
-
-
-def _tension_columns(header: list[str], robot: RobotSpec) -> list[str]:
+def _tension_columns(header: tuple[str, ...], robot: RobotSpec) -> list[str]:
     """Returns the names of the tensions' columns in the tendons' order, counted as the file counts them."""
     first = 0 if "tension_0_n" in header else 1
     return [f"tension_{first + tendon}_n" for tendon in range(robot.tendon_count)]
 
 
-def _check_columns(path: str | Path, header: list[str], tensions: list[str], robot: RobotSpec) -> tuple[int, ...]:
+def _check_columns(path: str | Path, header: tuple[str, ...], tensions: list[str], robot: RobotSpec) -> tuple[int, ...]:
     """Returns the tracked disks, or says which columns are missing, doubled or unknown."""
-    optional = [_axes("gravity_{}_m_s2"), _axes("tip_force_{}_n")]
-    tracked = {disk: _axes(f"disk_{disk}_{{}}_m") for disk in range(1, robot.disk_count)}
+    optional = [axes_of("gravity_{}_m_s2"), axes_of("tip_force_{}_n")]
+    tracked = {disk: axes_of(f"disk_{disk}_{{}}_m") for disk in range(1, robot.disk_count)}
     present = set(header)
-    if len(present) != len(header):
-        doubled = next(name for name in header if header.count(name) > 1)
-        raise FormatError(path, "column appears more than once", doubled)
     missing = [name for name in tensions if name not in present]
     for group in [*optional, *tracked.values()]:
         if present.intersection(group):
@@ -130,28 +95,8 @@ def _check_columns(path: str | Path, header: list[str], tensions: list[str], rob
     return disks
 
 
-def _axes(pattern: str) -> list[str]:
-    return [pattern.format(axis) for axis in "xyz"]
-
-
-def _parse(path: str | Path, line: int, name: str, text: str, may_be_empty: bool) -> float:
-    place = f"line {line}, {name}"
-    if not text.strip():
-        if may_be_empty:
-            return float("nan")
-        raise FormatError(path, "is empty, expected a number", place)
-    try:
-        value = float(text)
-    except ValueError as error:
-        raise FormatError(path, f"expected a number, got {text!r}", place) from error
-    if not np.isfinite(value):
-        raise FormatError(path, f"expected a finite number, got {text.strip()}", place)
-    return value
-
-
 def _check_values(
-    path: str | Path,
-    rows: list[tuple[int, list[str]]],
+    table: MeasuredTable,
     tendons: list[str],
     tensions: FloatArray,
     positions: FloatArray,
@@ -164,9 +109,9 @@ def _check_values(
     if len(wrong):
         row, column = wrong[0]
         raise FormatError(
-            path,
+            table.path,
             f"expected 0 to {limits[column] / 2.0:g} N, got {tensions[row, column]:g}; is the unit newton?",
-            f"line {rows[row][0]}, {tendons[column]}",
+            table.place(int(row), tendons[column]),
         )
     reach = robot.arc_lengths[list(disks)]
     distance = np.linalg.norm(positions, axis=2)
@@ -174,30 +119,28 @@ def _check_values(
     if len(far):
         row, column = far[0]
         raise FormatError(
-            path,
+            table.path,
             f"disk {disks[column]} is {distance[row, column]:g} m from the base, and the robot reaches "
             f"{reach[column]:g} m there; is the unit metre and the frame the base frame?",
-            f"line {rows[row][0]}",
+            table.place(int(row)),
         )
     seen = np.isfinite(distance)
     if not seen.any():
-        raise FormatError(path, "no marker was seen in any row")
+        raise FormatError(table.path, "no marker was seen in any row")
     if np.nanmax(distance / reach) < 0.01:
         raise FormatError(
-            path,
+            table.path,
             f"all points lie within {np.nanmax(distance):g} m of the base of a robot of {robot.length:g} m; "
             "is the unit metre?",
         )
 
 
-def _check_loads(
-    path: str | Path, rows: list[tuple[int, list[str]]], gravity: FloatArray, tip_force: FloatArray, robot: RobotSpec
-) -> None:
+def _check_loads(table: MeasuredTable, gravity: FloatArray, tip_force: FloatArray, robot: RobotSpec) -> None:
     """Finds gravity that no bench stands in, and forces under which stiffness would hardly count."""
     pull, force = np.linalg.norm(gravity, axis=1), np.linalg.norm(tip_force, axis=1)
     for row in np.flatnonzero(pull > LARGEST_GRAVITY_M_S2)[:1]:
         problem = f"expected a gravity of at most {LARGEST_GRAVITY_M_S2:g} m/s^2, got {pull[row]:g}; is the unit m/s^2?"
-        raise FormatError(path, problem, f"line {rows[row][0]}")
+        raise FormatError(table.path, problem, table.place(int(row)))
     for row in np.flatnonzero(load_ratio(robot, pull, force) > LARGEST_LOAD_RATIO)[:1]:
         problem = f"a tip force of {force[row]:g} N is far beyond what this robot carries; is the unit newton?"
-        raise FormatError(path, problem, f"line {rows[row][0]}")
+        raise FormatError(table.path, problem, table.place(int(row)))

@@ -29,6 +29,7 @@ def check_robot(robot: RobotSpec) -> None:
         check_routes,
         check_drive_limits,
         _check_bends,
+        _check_measured,
     ):
         faults = Faults()
         check(robot, faults)
@@ -112,3 +113,14 @@ def _check_bends(robot: RobotSpec, faults: Faults) -> None:
     middles = 0.5 * (ends + np.concatenate([[0.0], ends[:-1]]))
     if robot.rigid_at(middles).all():
         faults.add(("segments",), "rigid all along: a robot needs a stretch that bends")
+
+
+def _check_measured(robot: RobotSpec, faults: Faults) -> None:
+    """Refuses measured numbers that are not one a disk or one a tendon."""
+    if robot.measured_error is not None and len(robot.measured_error.disks_m) != robot.disk_count:
+        problem = f"expected a distance for each of {robot.disk_count} disks, got {len(robot.measured_error.disks_m)}"
+        faults.add(("measured_error", "disks_m"), problem)
+    offsets = () if robot.bench is None else robot.bench.displacement_offset_m
+    if len(offsets) not in (0, robot.tendon_count):
+        problem = f"expected one for each of {robot.tendon_count} tendons, got {len(offsets)}"
+        faults.add(("bench", "displacement_offset_m"), problem)

@@ -21,6 +21,7 @@ from tdcr_planner.robot.checks import check_robot
 from tdcr_planner.robot.drive import Drive, DriveTable, drive_of_table
 from tdcr_planner.robot.features import features_of
 from tdcr_planner.robot.hashing import mechanics_hash
+from tdcr_planner.robot.measured import BenchTable, MeasuredError
 from tdcr_planner.robot.segments import Segment
 from tdcr_planner.robot.tendon_list import tendons_of_segments, tendons_of_tables
 from tdcr_planner.robot.tendons import Tendon, TendonTable
@@ -44,6 +45,8 @@ class RobotSpec(FileModel):
         tendon_tables: The tables [[tendons]]; empty in version 1.
         drive_table: The table [drive]; None in version 1.
         camera: The camera at the tip, or None.
+        bench: How the robot stood when it was calibrated, or None.
+        measured_error: How far its disks were measured from its model, or None.
     """
 
     format: Literal["tdcr-robot/1", "tdcr-robot/2"]
@@ -55,6 +58,8 @@ class RobotSpec(FileModel):
     tendon_tables: tuple[TendonTable, ...] = Field(default=(), alias="tendons")
     drive_table: DriveTable | None = Field(default=None, alias="drive")
     camera: Camera | None = None
+    bench: BenchTable | None = None
+    measured_error: MeasuredError | None = None
 
     @model_validator(mode="after")
     def _check(self) -> RobotSpec:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 VERSION_1, VERSION_2 = "tdcr-robot/1", "tdcr-robot/2"
 _FILE_KEYS = {"tendon_tables": "tendons", "drive_table": "drive"}
-_TOP_ONLY_VERSION_2 = ("tendons", "drive", "camera")
+_TOP_ONLY_VERSION_2 = ("tendons", "drive", "camera", "bench", "measured_error")
 
 
 def check_version(robot: RobotSpec) -> None:

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tdcr_planner.query.session import PlanningSession
 
 from tdcr_planner.errors import InputError
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.robot import FEATURES, refuse_unknown
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 

@@ -1,0 +1,214 @@
+"""Calibration: selects and fits parameters, judges them on states held out, and makes the robot that was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.calibration import checks
+from tdcr_planner.calibration.bench import Bench, check_calibratable
+from tdcr_planner.calibration.bound import LEVEL, bound_per_disk
+from tdcr_planner.calibration.comparison import align_base, constant_curvature_shapes
+from tdcr_planner.calibration.data import MeasuredStates
+from tdcr_planner.calibration.fit import Fit, fit_bench
+from tdcr_planner.calibration.forward import Forward, Mechanics, UnloadedMechanics, place_points
+from tdcr_planner.calibration.holdout import FOLDS, blocks_in_time
+from tdcr_planner.calibration.parameters import make_blocks
+from tdcr_planner.calibration.selection import Selection, check_separable, select_names
+from tdcr_planner.calibration.uncertainty import Uncertainty, assess_uncertainty
+from tdcr_planner.errors import FormatError
+from tdcr_planner.files import sha256_of_file
+from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot.measured import BenchTable, MeasuredError
+
+LEAST_STATES = 10
+UNEXPLAINED = 0.5
+"""A fit that leaves over more than this fraction of how far the points move is no fit."""
+MODELS = ("calibrated", "uncalibrated", "constant curvature")
+
+Progress = Callable[[str, int, int, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A calibrated robot and how it was judged; n states, k tracked points.
+
+    Attributes:
+        robot: The calibrated robot with its bench and its measured error, version 2.
+        states: What was measured.
+        nominal: The robot as its file has it.
+        selection: What was fitted, and why not the rest.
+        fit: The fit to all states.
+        uncertainty: What the measurements say of each parameter.
+        folds: Stretch of time to which each state belongs, shape (n,).
+        held_out: Differences between predicted and measured points by model, when the state's stretch was held out of
+            what the model was fitted to: shape (n, k, 3), m, NaN where a point was not seen.
+        fitted: The same of the calibrated model fitted to all states.
+    """
+
+    robot: RobotSpec
+    states: MeasuredStates
+    nominal: Bench
+    selection: Selection
+    fit: Fit
+    uncertainty: Uncertainty
+    folds: IntArray
+    held_out: dict[str, FloatArray]
+    fitted: FloatArray
+
+    def errors(self, model: str = "calibrated") -> FloatArray:
+        """Returns distances between predicted and measured points of held-out states, shape (n, k), m."""
+        return np.asarray(np.linalg.norm(self.held_out[model], axis=2))
+
+
+def calibrate(
+    robot: RobotSpec,
+    states: MeasuredStates,
+    names: Sequence[str] | None = None,
+    *,
+    marker: FloatArray | None = None,
+    mechanics: Mechanics | None = None,
+    folds: int = FOLDS,
+    progress: Progress = lambda *_: None,
+) -> Calibration:
+    """Returns a robot calibrated from measured states.
+
+    Args:
+        robot: The robot as its file has it.
+        states: What was measured of it.
+        names: What to fit, see `parameters.DESCRIPTIONS`; None for what the measurements can determine.
+        marker: Place of the marker in the last disk's frame, shape (3,), m; None for its centre.
+        mechanics: What solves the shapes; None for what suits the states.
+        folds: Stretches of time, each of which is held out once.
+        progress: Called with a stage, the steps that are done, their number, and a message.
+
+    Raises:
+        FormatError: There are too few states, or no numbers explain them.
+        InputError: A name is unknown or means nothing here, two cannot be told apart, or the robot has what
+            calibration does not know.
+    """
+    check_calibratable(robot)
+    if len(states) < LEAST_STATES:
+        raise FormatError(states.path, f"expected {LEAST_STATES} states or more, got {len(states)}")
+    bench = Bench.nominal(robot, marker)
+    forward = Forward(states, mechanics or UnloadedMechanics())
+    everything = np.ones(len(states), dtype=np.bool_)
+    start = _place_if_far(forward, bench, names)
+    progress("selecting parameters", 0, 1, "")
+    selection = select_names(forward, start, everything) if names is None else Selection(tuple(names), ())
+    blocks = make_blocks(start, selection.names, float(states.times[-1]))
+    if names is not None:
+        check_separable(forward, start, blocks, everything)
+    if "friction" in selection.names and states.timed:
+        checks.check_gaps(states.table, states.times)
+    progress("fitting", 0, 1, ", ".join(selection.names))
+    fit = fit_bench(forward, start, blocks, everything, progress=lambda text: progress("fitting", 0, 1, text))
+    fitted = forward.points(fit.bench) - states.positions
+    _check_explained(states, fitted)
+    fold = blocks_in_time(states, folds)
+    held_out = {model: np.full_like(states.positions, np.nan) for model in MODELS}
+    for index in range(int(fold.max()) + 1):
+        progress("holding out stretches", index, int(fold.max()) + 1, "")
+        rest, here = fold != index, fold == index
+        part = fit_bench(forward, start, blocks, rest, start=fit.numbers)
+        held_out["calibrated"][here] = (forward.points(part.bench) - states.positions)[here]
+        nominal = forward.shapes(start, keep=False)
+        for model, shapes in (
+            ("uncalibrated", nominal),
+            ("constant curvature", constant_curvature_shapes(start, states)),
+        ):
+            placed = align_base(start, states, shapes, rest) if "base" in selection.names else start
+            held_out[model][here] = (place_points(placed, states, shapes) - states.positions)[here]
+    errors = np.linalg.norm(held_out["calibrated"], axis=2)
+    measured = MeasuredError(
+        level=LEVEL,
+        disks_m=tuple(float(value) for value in bound_per_disk(forward, fit.bench, errors)),
+        states=int(np.isfinite(errors).any(axis=1).sum()),
+    )
+    return Calibration(
+        robot=_robot_of(fit.bench, states, measured),
+        states=states,
+        nominal=start,
+        selection=selection,
+        fit=fit,
+        uncertainty=assess_uncertainty(fit),
+        folds=fold,
+        held_out=held_out,
+        fitted=fitted,
+    )
+
+
+FAR_ROTATION = np.deg2rad(20.0)
+FAR_POSITION = 0.2
+"""In lengths of the robot."""
+
+
+def _place_if_far(forward: Forward, bench: Bench, names: Sequence[str] | None) -> Bench:
+    """Returns the bench with its base placed where the frame of the measurements is quite another one."""
+    if names is not None and "base" not in names:
+        return bench
+    everything = np.ones(len(forward.states), dtype=np.bool_)
+    placed = align_base(bench, forward.states, forward.shapes(bench), everything)
+    far = np.linalg.norm(placed.base_rotation) > FAR_ROTATION
+    return placed if far or np.linalg.norm(placed.base_position) > FAR_POSITION * bench.robot.length else bench
+
+
+def _check_explained(states: MeasuredStates, differences: FloatArray) -> None:
+    """Refuses measurements that no numbers explain."""
+    centre = np.nanmedian(states.positions, axis=0)
+    moved = float(np.sqrt(np.nanmean(np.sum((states.positions - centre) ** 2, axis=2))))
+    left = float(np.sqrt(np.nanmean(np.sum(differences**2, axis=2))))
+    if not left <= UNEXPLAINED * moved:
+        raise FormatError(
+            states.path,
+            f"no parameters explain the positions: they move by {1e3 * moved:.3g} mm (root mean square), and "
+            f"{1e3 * left:.3g} mm of it is left over; are the columns of tendons in the order of the robot's file, x, "
+            "y and z in place, the units metre and newton, and is it this robot?",
+        )
+
+
+def _robot_of(bench: Bench, states: MeasuredStates, measured: MeasuredError) -> RobotSpec:
+    """Returns the robot with how it stood and how far it was from its model."""
+    first = float(states.table.numbers(["time_s"])[0, 0]) if states.timed else 0.0
+
+    def three(values: FloatArray) -> tuple[float, float, float]:
+        return (float(values[0]), float(values[1]), float(values[2]))
+
+    table = BenchTable(
+        data=states.path.name,
+        data_sha256=sha256_of_file(states.path),
+        base_position_m=three(bench.base_position),
+        base_rotation_rad=three(bench.base_rotation),
+        marker_m=three(bench.marker),
+        displacement_offset_m=tuple(bench.zeros.tolist()) if bench.drives_displacement else (),
+        displacement_drift_m_s=bench.drift,
+        time_s=first,
+    )
+    return bench.robot.model_copy(update={"bench": table.model_dump(), "measured_error": measured.model_dump()})
+
+
+def bench_of_robot(robot: RobotSpec, time_s: float | None = None) -> Bench:
+    """Returns the bench of a calibrated robot, to predict further measurements.
+
+    Args:
+        robot: A robot with a table [bench].
+        time_s: Time of the first further state, on the clock of the calibration's measurements; None for that of the
+            calibration's first state.
+    """
+    bench = Bench.nominal(robot)
+    table = robot.bench
+    if table is None:
+        return bench
+    elapsed = 0.0 if time_s is None else time_s - table.time_s
+    zeros = np.array(table.displacement_offset_m or np.zeros(robot.tendon_count))
+    return replace(
+        bench,
+        base_position=np.array(table.base_position_m),
+        base_rotation=np.array(table.base_rotation_rad),
+        marker=np.array(table.marker_m),
+        zeros=zeros + elapsed * table.displacement_drift_m_s,
+        drift=table.displacement_drift_m_s,
+    )
