@@ -7,6 +7,7 @@ from collections.abc import Callable
 from tdcr_planner.cli.compare import compare
 from tdcr_planner.cli.evaluate import evaluate
 from tdcr_planner.cli.info import info
+from tdcr_planner.cli.inspect import inspect
 from tdcr_planner.cli.plan import plan
 from tdcr_planner.cli.roadmap import roadmap
 from tdcr_planner.cli.robustness import robustness
@@ -18,6 +19,7 @@ from tdcr_planner.cli.view import view
 
 COMMANDS: dict[str, Callable[..., int]] = {
     "plan": plan,
+    "inspect": inspect,
     "verify": verify,
     "roadmap": roadmap,
     "robustness": robustness,

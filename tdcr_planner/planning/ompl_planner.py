@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.errors import InputError
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import ConfigurationGoal, GoalSource, TipGoal
 from tdcr_planner.planning.objectives import PathCost
@@ -132,10 +133,12 @@ def search(
         The outcome; an invalid start, a goal out of reach and no path are statuses, not exceptions.
 
     Raises:
-        InputError: The planner or one of its parameters is not offered.
+        InputError: The planner or one of its parameters is not offered, or there is no goal.
     """
     settings = scenario.planner
     check_planner(settings.name, settings.parameters)
+    if not scenario.goals:
+        raise InputError("scenario", "a [goal] or [[goals]] to plan to; `tdcr inspect` needs none", scenario.path)
     begin = time.monotonic()
     query = _Query(
         scenario=scenario,
