@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
 from tdcr_planner.errors import FormatError, nearest_name
@@ -156,9 +157,14 @@ def _fields_at(model: type[BaseModel], location: tuple[int | str, ...]) -> list[
     for item in location:
         if isinstance(item, int) or not hasattr(current, "model_fields"):
             continue
-        if item in current.model_fields:
-            current = _inner_model(current.model_fields[item].annotation)
-    return list(current.model_fields) if hasattr(current, "model_fields") else []
+        fields = _fields_by_key(current)
+        if item in fields:
+            current = _inner_model(fields[item].annotation)
+    return list(_fields_by_key(current)) if hasattr(current, "model_fields") else []
+
+
+def _fields_by_key(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def _inner_model(annotation: Any) -> Any:

@@ -14,7 +14,7 @@ from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
 from tdcr_planner.rates import Rate, binomial_rate
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import refuse_unknown
 from tdcr_planner.session import PlanningSession, PlanResult
 from tdcr_planner.verification import Verifier
 
@@ -153,6 +153,7 @@ def assess_robustness(
         raise InputError("result", "a result with a path", f"status {result.status.value!r} without one")
     if samples < 1:
         raise InputError("samples", "1 or more", samples)
+    refuse_unknown(result.scenario.robot, (), "the robustness analysis")
     tolerances = tolerances or Tolerances()
     assessment = _Assessment(result)
     alone = [name for name, value in tolerances.items() if value > 0.0]
@@ -236,13 +237,6 @@ def _draw(scenario: Scenario, tolerances: Tolerances, generator: np.random.Gener
     x, y, z, w = (Rotation.from_matrix(scenario.base_rotation) * tilt).as_quat()
     moved = base.model_copy(update={"position_m": tuple(position), "quaternion_wxyz": (w, x, y, z)})
     file = scenario.file.model_copy(update={"base": moved})
-    robot = _with_limits_times(scenario.robot.scaled(stiffness=stiffness, mass=mass), max(float(gains.max()), 1.0))
+    # The limits bind the commands, whatever tensions come of them.
+    robot = scenario.robot.scaled(stiffness=stiffness, mass=mass).with_tension_limits_times(max(gains.max(), 1.0))
     return _DrawnRobot(replace(scenario, file=file, robot=robot), gains)
-
-
-def _with_limits_times(robot: RobotSpec, gain: float) -> RobotSpec:
-    """Returns a robot whose tension limits are multiplied: they bind the commands, whatever tensions come of them."""
-    segments = [
-        segment.model_copy(update={"max_tension_n": gain * segment.max_tension_n}) for segment in robot.segments
-    ]
-    return robot.model_copy(update={"segments": segments})

@@ -28,6 +28,7 @@ from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.timing import path_times
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
 from tdcr_planner.result import PlanResult, PlanStatus, library_versions
+from tdcr_planner.robot import refuse_unknown
 from tdcr_planner.shape.base import ShapeModel
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 from tdcr_planner.shape.reference import ReferenceShape
@@ -67,8 +68,10 @@ class PlanningSession:
 
         Raises:
             FormatError: A mesh or model cannot be used.
+            InputError: The robot has what planning does not know.
             RobotMismatchError: The shape model was made for another robot.
         """
+        refuse_unknown(scenario.robot, (), "the planner")
         self.scenario = scenario
         self._files = scene_files(scenario)
         self._facts = scene_facts(scenario, self._files)

@@ -79,10 +79,10 @@ class SolvedStates:
     def in_limits(self, robot: RobotSpec) -> BoolArray:
         """Returns which states keep the robot's limits on tension, tendon displacement and strain, shape (k,)."""
         within = at_most(self.tensions, robot.max_tensions).all(axis=1)
-        for index, segment in enumerate(robot.segments):
-            if segment.max_tendon_displacement_m is not None:
-                columns = robot.tendon_segments == index
-                within &= at_most(np.abs(self.displacements[:, columns]), segment.max_tendon_displacement_m).all(axis=1)
+        low, high = robot.drive.max_displacement
+        limited = np.isfinite(high)
+        pulled = self.displacements[:, limited]
+        within &= (at_most(pulled, high[limited]) & at_most(-pulled, -low[limited])).all(axis=1)
         for index, backbone in enumerate(robot.segment_backbones):
             if backbone.max_strain is not None:
                 within &= at_most(self.strain[:, index], backbone.max_strain)

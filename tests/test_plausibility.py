@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import parse_table
-from tdcr_planner.learning.fitting import format_robot
 from tdcr_planner.plausibility import doubts
-from tdcr_planner.robot import RobotSpec, load_robot
+from tdcr_planner.robot import RobotSpec, format_robot, load_robot
 
 ROOT = Path(__file__).parents[1]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING
@@ -9,8 +10,9 @@ from typing import TYPE_CHECKING
 import tyro
 
 if TYPE_CHECKING:
+    from tdcr_planner.arrays import FloatArray
     from tdcr_planner.planning.scenario import Goal, Scenario
-    from tdcr_planner.robot import RobotSpec
+    from tdcr_planner.robot import Backbone, Drive, RobotSpec, Tendon
     from tdcr_planner.sweep.suite import Suite
 
 
@@ -45,7 +47,7 @@ def info(file: tyro.conf.Positional[Path]) -> int:
         from tdcr_planner.robot import load_robot
 
         kind = read_toml(file).get("format")
-        if kind == "tdcr-robot/1":
+        if kind in ("tdcr-robot/1", "tdcr-robot/2"):
             print(_describe_robot(load_robot(file)))
         elif kind == "tdcr-scenario/1":
             print(_describe_scenario(load_scenario(file)))
@@ -55,7 +57,9 @@ def info(file: tyro.conf.Positional[Path]) -> int:
             print(_describe_suite(load_suite(file, import_planners=False)))
         else:
             raise FormatError(
-                file, f"expected 'tdcr-robot/1', 'tdcr-scenario/1' or 'tdcr-suite/1', got {kind!r}", "format"
+                file,
+                f"expected 'tdcr-robot/1', 'tdcr-robot/2', 'tdcr-scenario/1' or 'tdcr-suite/1', got {kind!r}",
+                "format",
             )
     else:
         raise FormatError(file, f"expected a file ending in .toml, .pt, .json or .npz, got {file.suffix!r}")
@@ -63,20 +67,88 @@ def info(file: tyro.conf.Positional[Path]) -> int:
 
 
 def _describe_robot(robot: RobotSpec) -> str:
-    weight = robot.disk_masses.sum() + robot.tip.mass_kg
+    weight = robot.disk_masses.sum() + robot.tip.mass_kg + robot.backbone_mass
     lines = [f"robot {robot.name!r}, mechanics {robot.mechanics_hash[:12]}"]
     for index, (segment, backbone) in enumerate(zip(robot.segments, robot.segment_backbones, strict=True)):
-        weight += backbone.weight_per_length_kg_m * segment.length_m
-        angles = ", ".join(f"{angle:g}" for angle in segment.tendon_angles_deg)
-        lines += [
+        masses = sorted({f"{1e3 * mass:g}" for mass in segment.masses}, key=float)
+        lines.append(
             f"segment {index + 1}: {1e3 * segment.length_m:g} mm, {segment.disks} disks of "
-            f"{2e3 * segment.disk_radius_m:g} mm and {1e3 * segment.disk_mass_kg:g} g",
-            f"  tendons at {angles} degrees on a circle of {1e3 * segment.tendon_circle_radius_m:g} mm, "
-            f"{segment.pretension_n:g} to {segment.max_tension_n:g} N",
-            f"  backbone {2e3 * backbone.radius_m:g} mm, EI {backbone.stiffness_bending_torsion[0]:.4g} N m^2",
-        ]
+            f"{2e3 * segment.disk_radius_m:g} mm and {' to '.join(dict.fromkeys([masses[0], masses[-1]]))} g"
+            + (", rigid" if segment.rigid else "")
+        )
+        if segment.tendon_angles_deg is not None:
+            angles = ", ".join(f"{angle:g}" for angle in segment.tendon_angles_deg)
+            lines.append(
+                f"  tendons at {angles} degrees on a circle of {1e3 * (segment.tendon_circle_radius_m or 0.0):g} mm, "
+                f"{segment.pretension_n:g} to {segment.max_tension_n:g} N"
+            )
+        lines.append(f"  backbone {_describe_rod(backbone)}")
+    if robot.format == "tdcr-robot/2":
+        lines += [f"tendon {index + 1}: {_describe_tendon(tendon)}" for index, tendon in enumerate(robot.tendons)]
+        lines += _describe_drive(robot.drive)
+    if robot.camera is not None:
+        near, far = robot.camera.range_m
+        lines.append(
+            f"camera with a field of view of {robot.camera.field_of_view_deg:g} degrees, from {1e3 * near:g} to "
+            f"{1e3 * far:g} mm"
+        )
     lines.append(f"moving weight {1e3 * weight:.2f} g, of which {1e3 * robot.tip.mass_kg:g} g payload")
+    if robot.features:
+        lines += wrap(
+            "beyond what the planner and learned models know: " + ", ".join(sorted(robot.features)),
+            79,
+            subsequent_indent="  ",
+        )
     return "\n".join(lines)
+
+
+def _describe_rod(backbone: Backbone) -> str:
+    stiffness = backbone.stiffness_bending_torsion
+    if backbone.radius_points_m is not None:
+        radii = [radius for _, radius in backbone.radius_points_m]
+        return f"{2e3 * max(radii):g} to {2e3 * min(radii):g} mm, EI up to {stiffness[0]:.4g} N m^2"
+    both = "" if stiffness[0] == stiffness[1] else f" about x and {stiffness[1]:.4g} N m^2 about y"
+    return f"{2e3 * backbone.radius_m:g} mm, EI {stiffness[0]:.4g} N m^2{both}"
+
+
+def _describe_tendon(tendon: Tendon) -> str:
+    """Returns where a tendon runs and ends, and what there is to it besides."""
+    text = f"disk {tendon.start_disk} to {tendon.end_disk}, {_describe_path(tendon)}"
+    if tendon.between_disks == "straight":
+        text += ", straight between disks"
+    if not math.isinf(tendon.max_tension):
+        text += f", to {tendon.max_tension:g} N"
+    if tendon.friction_coefficient:
+        text += f", friction {tendon.friction_coefficient:g}"
+    return text
+
+
+def _describe_path(tendon: Tendon) -> str:
+    from tdcr_planner.robot import PolarPath
+
+    ends = tendon.offsets([tendon.start_arc_length, tendon.end_arc_length])
+    radii = [f"{1e3 * math.hypot(x, y):.4g}" for x, y in ends]
+    angle = f"{math.degrees(math.atan2(ends[0, 1], ends[0, 0])):.4g} degrees"
+    across = " to ".join(dict.fromkeys(radii)) + " mm from the backbone"
+    if "tendons through points" in tendon.path.kinds:
+        return f"through points from {angle}, {across}"
+    if isinstance(tendon.path, PolarPath) and tendon.path.winding:
+        turns = tendon.path.winding * (tendon.end_arc_length - tendon.start_arc_length) / (2.0 * math.pi)
+        return f"winding by {turns:.4g} turns from {angle}, {across}"
+    return f"at {angle}, {across}"
+
+
+def _describe_drive(drive: Drive) -> list[str]:
+    def several(values: FloatArray, unit: str) -> str:
+        low, high = values.min(), values.max()
+        return f"{low:g} {unit}" if low == high else f"{low:g} to {high:g} {unit}"
+
+    line = f"{drive.kind} drive, pretension {several(drive.pretension, 'N')}"
+    if not math.isinf(drive.transmission_stiffness.min()):
+        line += f", transmission {several(drive.transmission_stiffness, 'N/m')}"
+    if drive.backlash.any():
+        line += f", backlash {several(1e3 * drive.backlash, 'mm')}"
+    return [line]
 
 
 def _describe_suite(suite: Suite) -> str:

@@ -199,7 +199,7 @@ def largest_curvature(robot: RobotSpec, segment: int) -> float:
         angles = np.sort(np.mod(robot.tendon_angles[present], 2.0 * np.pi))
         gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
         farthest = max(1.0, float((2.0 * np.cos(gaps / 2.0)).max()), 0.5 * (len(angles) - 1))
-        moment += farthest * robot.segments[index].max_tension_n * robot.segments[index].tendon_circle_radius_m
+        moment += farthest * float(robot.max_tensions[present].max()) * float(robot.tendon_radii[present].max())
     backbone = robot.segment_backbones[segment]
     return moment / backbone.stiffness_bending_torsion[0] + float(np.linalg.norm(backbone.rest_curvature_1_m))
 

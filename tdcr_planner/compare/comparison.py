@@ -26,6 +26,7 @@ from tdcr_planner.compare.verdicts import (
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.planning.scenario import Scenario, Validity
 from tdcr_planner.planning.validity import CAUSES
+from tdcr_planner.robot import refuse_unknown
 from tdcr_planner.session import PlanningSession
 from tdcr_planner.workers import ALLOWED_LOSSES, Outcome, WorkersError, run_jobs
 
@@ -135,6 +136,7 @@ def compare(
             raise InputError(name, f"{least} or more", value)
     if scenario.shape_model_path is None:
         raise FormatError(scenario.path, "missing: there is nothing to compare without a learned model", "shape_model")
+    refuse_unknown(scenario.robot, (), "the comparison")
     tell = progress or (lambda *_: None)
     begin = time.perf_counter()
     session = PlanningSession(scenario.with_planner(validity="learned"))

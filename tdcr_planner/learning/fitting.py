@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -14,7 +13,7 @@ from tdcr_planner.learning.checkpoint import write_bytes
 from tdcr_planner.learning.dataset import Progress, no_progress
 from tdcr_planner.learning.measured import MeasuredShapes, read_measured_shapes
 from tdcr_planner.learning.settings import TrainSettings
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import RobotSpec, format_robot
 from tdcr_planner.shape.card import Calibration, ModelCard
 from tdcr_planner.statics.solver import RodSolution, SolverSettings, solve_statics
 from tdcr_planner.workers import Backend
@@ -129,32 +128,6 @@ def train_on_measured(
     )
     write_bytes(out.with_suffix(".robot.toml"), format_robot(fitted).encode())
     return card
-
-
-def format_robot(robot: RobotSpec) -> str:
-    """Returns a robot as the TOML text of its file."""
-    content = robot.model_dump(exclude_none=True)
-    lines = [f'format = "{robot.format}"', f"name = {_toml_value(robot.name)}"]
-    lines += ["", "[backbone]", *_toml_lines(content["backbone"])]
-    for segment in content["segments"]:
-        own = segment.pop("backbone", None)
-        lines += ["", "[[segments]]", *_toml_lines(segment)]
-        if own is not None:
-            lines += ["", "[segments.backbone]", *_toml_lines(own)]
-    lines += ["", "[tip]", *_toml_lines(content["tip"]), "", "[body]", *_toml_lines(content["body"])]
-    return "\n".join(lines) + "\n"
-
-
-def _toml_lines(table: dict[str, Any]) -> list[str]:
-    return [f"{key} = {_toml_value(value)}" for key, value in table.items()]
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, (tuple, list)):
-        return "[" + ", ".join(_toml_value(item) for item in value) + "]"
-    return repr(value)
 
 
 def _point_rms(differences: FloatArray) -> float:

@@ -33,8 +33,8 @@ class LimitUse:
         self._strain = strain[:, None, None] * curvature
         lengths = np.array([segment.length_m for segment in robot.segments])
         bent = np.einsum("s,sj,skt,kj->jt", lengths, passes, curvature, lever)
-        limits = np.array([segment.max_tendon_displacement_m or np.inf for segment in robot.segments])
-        self._displacement = bent / limits[robot.tendon_segments][:, None]
+        low, high = robot.drive.max_displacement
+        self._displacement = bent / np.minimum(-low, high)[:, None]
         self.any = bool(self._strain.any() or self._displacement.any())
 
     def largest(self, tensions: FloatArray) -> FloatArray:

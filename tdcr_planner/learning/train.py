@@ -30,7 +30,7 @@ from tdcr_planner.learning.loads import check_domain
 from tdcr_planner.learning.logs import TrainingLog
 from tdcr_planner.learning.losses import physics_loss, reference_loss
 from tdcr_planner.learning.settings import TrainSettings
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import RobotSpec, refuse_unknown
 from tdcr_planner.shape.card import CARD_FORMAT, Calibration, ModelCard
 from tdcr_planner.shape.learned import load_shape_model
 from tdcr_planner.shape.rod_kernel import RodConstants, rod_constants, tip_residual, tip_residual_jacobian
@@ -87,10 +87,11 @@ def train_model(
         The card of the model.
 
     Raises:
-        InputError: The domain's loads are beyond what the robot carries.
+        InputError: The domain's loads are beyond what the robot carries, or it has what learned models do not know.
         FormatError: A file cannot be written, or the checkpoint belongs to another robot or other settings.
         WorkersError: The backend's workers are gone.
     """
+    refuse_unknown(robot, (), "the learned model")
     settings = settings.for_robot(robot)
     check_domain(robot, settings.domain.for_robot(robot))
     if settings.network == "paper":

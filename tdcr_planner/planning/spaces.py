@@ -72,11 +72,12 @@ class ConfigurationSpace:
         tension, so one of the corners is the farthest point.
         """
         bounds = []
-        for index, segment in enumerate(self.robot.segments):
-            angles = np.sort(np.mod(self.robot.tendon_angles[self.robot.tendon_segments == index], 2.0 * np.pi))
+        room = self.robot.max_tensions - self.robot.pretensions
+        for columns, _ in self.robot.segment_circles:
+            angles = np.sort(np.mod(self.robot.tendon_angles[columns], 2.0 * np.pi))
             gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
             farthest = max(1.0, float((2.0 * np.cos(gaps / 2.0)).max()))
-            bounds.append((segment.max_tension_n - segment.pretension_n) * farthest)
+            bounds.append(float(room[columns].max()) * farthest)
         return bounds
 
     def sample(self, count: int, generator: np.random.Generator) -> FloatArray:

@@ -307,12 +307,7 @@ class RobotLimits:
     def __init__(self, robot: RobotSpec) -> None:
         """Collects a robot's limits."""
         self._spacing = np.diff(robot.arc_lengths)
-        self._displacement = np.array(
-            [
-                np.inf if segment.max_tendon_displacement_m is None else segment.max_tendon_displacement_m
-                for segment in (robot.segments[index] for index in robot.tendon_segments)
-            ]
-        )
+        self._lowest, self._highest = robot.drive.max_displacement
         backbones = [robot.segment_backbones[index] for index in robot.disk_segments[1:]]
         self._radii = np.array([rod.radius_m for rod in backbones])
         self._max_strain = np.array([np.inf if rod.max_strain is None else rod.max_strain for rod in backbones])
@@ -320,15 +315,9 @@ class RobotLimits:
         self._offsets = robot.tendon_offsets
         present = robot.tendon_segments[:, None] >= robot.disk_segments[None, 1:]
         self._present = present * self._spacing
-        stretch = [robot.segments[index].tendon_axial_stiffness_n for index in robot.tendon_segments]
-        self._tendon_compliance = np.array(
-            [
-                0.0 if stiffness is None else robot.segment_ends[index] / stiffness
-                for stiffness, index in zip(stretch, robot.tendon_segments, strict=True)
-            ]
-        )
+        self._tendon_compliance = robot.segment_ends[robot.tendon_segments] / robot.tendon_stiffnesses
         self._axial_compliance = np.array([1.0 / rod.stiffness_shear_extension[2] for rod in backbones])
-        self.any = bool(np.isfinite(self._displacement).any() or np.isfinite(self._max_strain).any())
+        self.any = bool(np.isfinite([self._lowest, self._highest]).any() or np.isfinite(self._max_strain).any())
 
     def tendon_displacements(self, tensions: FloatArray, rotations: FloatArray) -> FloatArray:
         """Returns how far each tendon is pulled out at the base against the unloaded robot at rest.
@@ -367,7 +356,8 @@ class RobotLimits:
         codes = np.zeros(len(tensions), dtype=np.int8)
         kept = at_most(self.bending_strain(rotations), self._max_strain).all(axis=1)
         codes[~kept] = Cause.STRAIN.code
-        kept = at_most(np.abs(self.tendon_displacements(tensions, rotations)), self._displacement).all(axis=1)
+        displacements = self.tendon_displacements(tensions, rotations)
+        kept = (at_most(displacements, self._highest) & at_most(-displacements, -self._lowest)).all(axis=1)
         codes[~kept] = Cause.TENDON_DISPLACEMENT.code
         return codes
 
@@ -379,7 +369,7 @@ class RobotLimits:
             limit = robot.max_tensions[worst]
             return f"{cause.value}: tendon {worst + 1} needs {tensions[worst]:.3g} N of at most {limit:.3g} N"
         if cause is Cause.TENDON_DISPLACEMENT:
-            return f"{cause.value}: a tendon moves by more than max_tendon_displacement_m from where it is at rest"
+            return f"{cause.value}: a tendon moves beyond its displacement limit from where it is at rest"
         if cause is Cause.STRAIN:
             return f"{cause.value}: the backbone is bent from its rest curvature by more than max_strain"
         return cause.value

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import BoolArray, FloatArray, check_batch
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import RobotSpec, refuse_unknown
 from tdcr_planner.se3 import rotation_from_vector
 from tdcr_planner.shape.base import DiskPoses
 
@@ -21,6 +21,7 @@ class ConstantCurvatureShape:
 
     def __init__(self, robot: RobotSpec) -> None:
         """Prepares the baseline for a robot."""
+        refuse_unknown(robot, (), "constant curvature")
         self.robot = robot
         self.error_bound: FloatArray = np.zeros(robot.disk_count)
 

@@ -13,7 +13,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray, check_array, check_batch
 from tdcr_planner.errors import DomainError, InputError, RobotMismatchError
 from tdcr_planner.files import sha256_of_file
 from tdcr_planner.limits import at_most
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import RobotSpec, refuse_unknown
 from tdcr_planner.shape.base import DiskPoses
 from tdcr_planner.shape.model_file import ModelFile, read_model_file
 from tdcr_planner.shape.rod_kernel import rod_constants, rod_constants_at
@@ -200,11 +200,14 @@ def load_shape_model(path: str | Path, robot: RobotSpec | None = None) -> Learne
 
     Raises:
         FormatError: The file is missing, damaged, no shape model of this format, or holds another module.
+        InputError: The robot has what the learned model does not know.
         RobotMismatchError: It was made for a robot with other mechanics.
     """
     path = Path(path)
     content = read_model_file(path)
     card = content.card
+    if robot is not None:
+        refuse_unknown(robot, (), "the learned model")
     if robot is not None and robot.mechanics_hash != card.robot_mechanics_hash:
         raise RobotMismatchError(
             f"{card.robot.name!r} (mechanics {card.robot_mechanics_hash[:12]})",

@@ -247,14 +247,14 @@ def _feature_matrix(
     """
     count = robot.tendon_count
     rows = []
-    for index, segment in enumerate(robot.segments):
+    for index, (columns, _) in enumerate(robot.segment_circles):
         for kind in range(3):
             row = torch.zeros(count + 7, dtype=torch.float64)
             for tendon in range(count):
                 if robot.tendon_segments[tendon] == index:
                     angle = torch.tensor(robot.tendon_angles[tendon])
-                    factor = (torch.cos(angle), torch.sin(angle), torch.tensor(2.0 / len(segment.tendon_angles_deg)))
-                    row[tendon] = factor[kind] / segment.max_tension_n
+                    factor = (torch.cos(angle), torch.sin(angle), torch.tensor(2.0 / len(columns)))
+                    row[tendon] = factor[kind] / float(robot.max_tensions[tendon])
             if kind == 2:
                 row[-1] = -1.0
             rows.append(row)

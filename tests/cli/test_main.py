@@ -101,7 +101,10 @@ def test_solve_says_when_there_is_no_shape(root: Path, capsys: pytest.CaptureFix
         (["verify", "none.json"], "none.json: no such file"),
         (["view", "none.json"], "none.json: no such file"),
         (["info", "{readme}"], "expected a file ending in .toml, .pt, .json or .npz, got '.md'"),
-        (["info", "{pyproject}"], "format: expected 'tdcr-robot/1', 'tdcr-scenario/1' or 'tdcr-suite/1', got None"),
+        (
+            ["info", "{pyproject}"],
+            "format: expected 'tdcr-robot/1', 'tdcr-robot/2', 'tdcr-scenario/1' or 'tdcr-suite/1', got None",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(

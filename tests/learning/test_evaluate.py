@@ -12,7 +12,7 @@ from tdcr_planner.cli.train import train
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.learning.checkpoint import checkpoint_path
 from tdcr_planner.learning.evaluate import evaluate_model
-from tdcr_planner.learning.fitting import format_robot
+from tdcr_planner.robot import format_robot
 from tdcr_planner.shape.learned import load_shape_model
 
 CONFIG = """

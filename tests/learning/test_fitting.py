@@ -7,10 +7,10 @@ import pytest
 
 from tdcr_planner.errors import FormatError
 from tdcr_planner.learning.dataset import draw_cases
-from tdcr_planner.learning.fitting import fit_stiffness, format_robot, train_on_measured
+from tdcr_planner.learning.fitting import fit_stiffness, train_on_measured
 from tdcr_planner.learning.measured import read_measured_shapes
 from tdcr_planner.learning.settings import DomainSettings
-from tdcr_planner.robot import RobotSpec, load_robot
+from tdcr_planner.robot import RobotSpec, format_robot, load_robot
 from tdcr_planner.shape.learned import load_shape_model
 from tdcr_planner.statics.solver import solve_statics
 
