@@ -31,6 +31,7 @@ _MOST_VERTICES = 6_000
 _FIRST_JOIN_S = 3.0  # for joining what is seen from no reached state, at least
 _IDLE_ROUNDS = 3  # rounds of little gain after which the search ends
 _LITTLE = 0.004
+_SPARE = 1.004  # times what must be seen, up to which a path is kept while it is being shortened
 _EPS = 1e-12
 
 logger = logging.getLogger(__name__)
@@ -142,10 +143,12 @@ class InspectionSearch:
         candidates = [rows] if self.best is None or self._rounds % 2 else [self.best, rows]
         for number, candidate in enumerate(candidates):
             path = CoveragePath(self.edges, self.visibility, self.weights, self.target, candidate)
+            if self.best is None:
+                self._take(path, begin)
             left = stop - time.monotonic()
             until = time.monotonic() + max(left / (len(candidates) - number), 0.02)
+            path.tighten(until, generator, found=partial(self._consider, path, begin))
             self._take(path, begin)
-            path.tighten(until, generator, found=partial(self._take, path, begin))
 
     def _seen_from(self, row: FloatArray) -> BoolArray:
         positions, rotations, _ = self.edges.checker.world_poses(row[None])
@@ -173,6 +176,11 @@ class InspectionSearch:
                 trace.append(int(before[here, trace[-1]]))
             way += trace[::-1][1:]
         return graph.rows[way]
+
+    def _consider(self, path: CoveragePath, begin: float) -> None:
+        """Keeps a path that sees little more than it must: what it sees beyond may still be given up for length."""
+        if path.covered <= _SPARE * self.target:
+            self._take(path, begin)
 
     def _take(self, path: CoveragePath, begin: float) -> None:
         """Keeps a path if it sees more than the best, or no less on a shorter way."""

@@ -1,4 +1,4 @@
-"""The tables of a scenario file that say what is to be inspected, and with which camera."""
+"""The tables of a scenario file that say what is to be inspected."""
 
 from __future__ import annotations
 
@@ -9,49 +9,17 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 
 from tdcr_planner.bounds import PLACE_M
 from tdcr_planner.files import FileModel, Positive, Vector3
+from tdcr_planner.robot import Camera
 
 Place = Annotated[float, AfterValidator(PLACE_M.validate)]
 Point = tuple[Place, Place, Place]
 Length = Annotated[Positive, AfterValidator(PLACE_M.validate)]
-OpeningAngle = Annotated[float, Field(gt=0.0, lt=180.0)]
 
 
 def _check_direction(direction: Vector3 | None) -> Vector3 | None:
     if direction is not None and np.linalg.norm(direction) < 1e-9:
         raise ValueError(f"expected a direction of length above 0, got {list(direction)}")
     return direction
-
-
-class CameraTable(FileModel):
-    """A camera on the last disk.
-
-    Attributes:
-        position_m: Its centre of projection in the last disk's frame.
-        direction: Its optical axis in the last disk's frame.
-        up: Direction that is up in its picture, in the last disk's frame; by default the disk's x axis, or what is
-            left of it at right angles to the optical axis.
-        field_of_view_deg: Opening angle of a cone, or [width, height] of a rectangular picture.
-        range_m: Least and largest working distance.
-        max_incidence_deg: Largest angle between the line of sight and the surface's normal.
-        pixels: Width and height of the picture; None where the resolution does not matter.
-    """
-
-    position_m: Point = (0.0, 0.0, 0.0)
-    direction: Vector3 = (0.0, 0.0, 1.0)
-    up: Vector3 | None = None
-    field_of_view_deg: OpeningAngle | tuple[OpeningAngle, OpeningAngle]
-    range_m: tuple[Annotated[float, Field(ge=0.0)], Length]
-    max_incidence_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 90.0
-    pixels: tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]] | None = None
-
-    _check_directions = field_validator("direction", "up")(_check_direction)
-
-    @field_validator("range_m")
-    @classmethod
-    def _check_range(cls, value: tuple[float, float]) -> tuple[float, float]:
-        if value[0] >= value[1]:
-            raise ValueError(f"expected [least, largest] with the least below the largest, got {list(value)}")
-        return value
 
 
 class Sphere(FileModel):
@@ -121,7 +89,7 @@ class InspectTable(FileModel):
     coverage: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     of_visible: Annotated[float, Field(gt=0.0, le=1.0)] = 0.97
     back: bool = False
-    camera: CameraTable | None = None
+    camera: Camera | None = None
 
     @model_validator(mode="after")
     def _check_camera(self) -> InspectTable:

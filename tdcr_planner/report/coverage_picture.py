@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,7 +32,8 @@ class CoveragePicture:
     @cached_property
     def picture(self) -> Picture:
         """Scene and robot."""
-        return gather_picture(self.inspection.plan)
+        coverage = self.inspection.coverage
+        return replace(gather_picture(self.inspection.plan), in_view=coverage.targets.points[coverage.can_be_seen])
 
     @cached_property
     def painted(self) -> list[PaintedMesh]:
