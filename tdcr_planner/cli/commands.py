@@ -9,7 +9,9 @@ from tdcr_planner.cli.calibrate import calibrate
 from tdcr_planner.cli.compare import compare
 from tdcr_planner.cli.evaluate import evaluate
 from tdcr_planner.cli.info import info
+from tdcr_planner.cli.inspect import inspect
 from tdcr_planner.cli.plan import plan
+from tdcr_planner.cli.reach import reach
 from tdcr_planner.cli.roadmap import roadmap
 from tdcr_planner.cli.robustness import robustness
 from tdcr_planner.cli.scene import scene
@@ -21,6 +23,8 @@ from tdcr_planner.cli.view import view
 
 COMMANDS: dict[str, Callable[..., int]] = {
     "plan": plan,
+    "inspect": inspect,
+    "reach": reach,
     "verify": verify,
     "roadmap": roadmap,
     "robustness": robustness,

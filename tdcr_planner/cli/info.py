@@ -89,7 +89,7 @@ def _describe_robot(robot: RobotSpec) -> str:
     if robot.camera is not None:
         near, far = robot.camera.range_m
         lines.append(
-            f"camera with a field of view of {robot.camera.field_of_view_deg:g} degrees, from {1e3 * near:g} to "
+            f"camera with a field of view of {_angles(robot.camera.field_of_view_deg)} degrees, from {1e3 * near:g} to "
             f"{1e3 * far:g} mm"
         )
     lines.append(f"moving weight {1e3 * weight:.2f} g, of which {1e3 * robot.tip.mass_kg:g} g payload")
@@ -195,3 +195,8 @@ def _describe_goal(goal: Goal) -> str:
     if goal.view_direction is not None:
         text += " looking along ({:g}, {:g}, {:g})".format(*goal.view_direction)
     return text
+
+
+def _angles(angles: float | tuple[float, float]) -> str:
+    """Returns an opening angle, or a width and a height, as text."""
+    return f"{angles:g}" if isinstance(angles, float) else f"{angles[0]:g} x {angles[1]:g}"

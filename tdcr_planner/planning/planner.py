@@ -95,6 +95,12 @@ class SearchTask:
     edges: EdgeChecker | None = None
     connector: Connector | None = None
 
+    def __post_init__(self) -> None:
+        """Raises InputError where the scenario names no goal."""
+        if not self.scenario.goals:
+            path = self.scenario.path
+            raise InputError("scenario", "a [goal] or [[goals]] to plan to; `tdcr inspect` needs none", path)
+
 
 class Planner(ABC):
     """A search.

@@ -25,6 +25,7 @@ from tdcr_planner.files import (
 )
 from tdcr_planner.limits import snap
 from tdcr_planner.planning.goal_kinds import GOAL_KINDS, GoalKind
+from tdcr_planner.planning.inspect_table import InspectTable
 from tdcr_planner.planning.objectives import Objective
 from tdcr_planner.planning.surfaces import (
     CloudEntry,
@@ -266,6 +267,7 @@ class ScenarioFile(FileModel):
     goal_order: Literal["given", "best"] = "given"
     planner: PlannerSettings = PlannerSettings()
     limits: Limits = Limits()
+    inspect: InspectTable | None = None
     expected_status: Literal["verified", "unverified", "no_path", "invalid_start", "invalid_goal"] = "verified"
     title: str = ""
 
@@ -291,8 +293,10 @@ class ScenarioFile(FileModel):
 
     @model_validator(mode="after")
     def _check_goals(self) -> ScenarioFile:
-        if (self.goal is None) == (self.goals is None):
+        if self.goal is not None and self.goals is not None:
             raise ValueError("expected either one [goal] or a list of [[goals]]")
+        if self.goal is None and self.goals is None and self.inspect is None:
+            raise ValueError("expected one [goal] or a list of [[goals]], or what to [inspect]")
         if self.goals is not None and not self.goals:
             raise ValueError("goals: expected one or more, got none")
         validity = self.planner.validity
@@ -339,11 +343,10 @@ class Scenario:
 
     @property
     def goals(self) -> tuple[Goal, ...]:
-        """The goals in the file's order, one or more."""
+        """The goals in the file's order; none where the scenario only says what to inspect."""
         if self.file.goals is not None:
             return self.file.goals
-        assert self.file.goal is not None  # the schema has exactly one of the two
-        return (self.file.goal,)
+        return () if self.file.goal is None else (self.file.goal,)
 
     @property
     def gravity(self) -> FloatArray:

@@ -12,11 +12,11 @@ import numpy as np
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.calibration.calibrate import MODELS, Calibration
 from tdcr_planner.files import write_folder_whole
+from tdcr_planner.query.result import library_versions
 from tdcr_planner.report.calibration_plots import plot_residuals
 from tdcr_planner.report.drawing import draw_pictures
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.robot import format_robot
-from tdcr_planner.session import library_versions
 
 CALIBRATION_FORMAT = "tdcr-calibration/1"
 FILES = ("robot.toml", "parameters.csv", "residuals.csv", "calibration.json")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -84,6 +84,7 @@ class Picture:
         marks: What is pointed out besides: contacts, and configurations with a label.
         failed_state: Index of the state for which the reference does not verify the path; None where it does.
         failure: Why, in a word or two.
+        in_view: Points that are to be in view besides, shape (n, 3), m, world frame.
     """
 
     title: str
@@ -106,6 +107,7 @@ class Picture:
     marks: tuple[Mark, ...] = ()
     failed_state: int | None = None
     failure: str = ""
+    in_view: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
     @property
     def robot(self) -> RobotSpec:

@@ -157,6 +157,7 @@ class _ResultFile(FileModel):
     planner: _Planner
     path: _PathTable | None
     verification: _VerificationTable | None
+    coverage: dict[str, Any] | None = None
     shapes_sha256: str
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+from dataclasses import dataclass, field
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -22,13 +23,35 @@ MAX_FRAMES = 64
 _MESSAGE_LETTERS = 1200
 
 
+@dataclass(frozen=True)
+class Beside:
+    """What a page shows beside scene, robot and curves.
+
+    Attributes:
+        traces: plotly.js traces that stay, in mm; of those of points, `text` is shown for what the mouse points at.
+        html: Elements laid over the scene.
+        summary: Line below the title; empty for the page's own.
+        script: JavaScript run before the page's own; the event "tdcr-state" tells it the number of each frame shown.
+    """
+
+    traces: list[dict[str, Any]] = field(default_factory=list)
+    html: str = ""
+    summary: str = ""
+    script: str = ""
+
+
 def write_html(picture: Picture, file: str | Path) -> None:
     """Writes the moving picture of a result or a scenario as one HTML file that needs no network."""
     Path(file).write_text(render_html(picture), encoding="utf-8")
 
 
-def render_html(picture: Picture) -> str:
-    """Returns the page as text, plotly.js included."""
+def render_html(picture: Picture, beside: Beside | None = None) -> str:
+    """Returns the page as text, plotly.js included.
+
+    Args:
+        picture: What is shown.
+        beside: What is shown besides; None for nothing.
+    """
     from plotly.offline import get_plotlyjs
 
     shown = picture.frame_states(MAX_FRAMES)
@@ -40,12 +63,15 @@ def render_html(picture: Picture) -> str:
             "modeBarButtonsToRemove": ["select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
         }
     }
+    beside = beside or Beside()
+    # Behind all others: the frames name the traces that they replace by number.
+    figure["data"] = [*figure["data"], *beside.traces]
     template = Template(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
     return template.substitute(
         title=page_text(picture.title),
         status=page_text(picture.status.replace("_", " ")),
         status_colour=plots.STATUS_COLOURS.get(picture.status, plots.MUTED),
-        summary=page_text(summary_line(picture), _MESSAGE_LETTERS),
+        summary=page_text(beside.summary or summary_line(picture), _MESSAGE_LETTERS),
         message=page_text(picture.message, _MESSAGE_LETTERS),
         font=FONT,
         ink=plots.INK,
@@ -56,6 +82,8 @@ def render_html(picture: Picture) -> str:
         figure=_script_json(figure),
         states=_script_json(_readouts(picture, shown)),
         compass=_script_json(_compass(picture)),
+        beside=beside.html,
+        script=beside.script,
         controls="" if picture.has_path and len(shown) > 1 else "hidden",
     )
 

@@ -101,6 +101,7 @@ def up_direction(picture: Picture) -> FloatArray:
 def body_points(picture: Picture) -> FloatArray:
     """Returns disk centres of all states, goals and marks, shape (m, 3), m, world frame; the base without states."""
     parts = [picture.positions[picture.known].reshape(-1, 3), *(goal.position[None] for goal in picture.goals)]
+    parts.append(picture.in_view)
     for mark in picture.marks:
         parts += [] if mark.point is None else [mark.point[None]]
         parts += [] if mark.positions is None else [mark.positions]

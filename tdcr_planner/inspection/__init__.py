@@ -1,0 +1,1 @@
+"""Inspection: which points of a surface a robot's camera sees, and paths that see them."""
