@@ -18,7 +18,6 @@ import tomllib
 from pathlib import Path
 
 from tdcr_planner.compare.comparison import compare
-from tdcr_planner.compare.verdicts import VARIANTS
 from tdcr_planner.planning.scenario import load_scenario
 from tdcr_planner.rates import ratio_at_least
 from tdcr_planner.report.compare_results import write_comparison
@@ -63,7 +62,7 @@ def main() -> None:
 def false_valid_rates(arguments: argparse.Namespace) -> None:
     """Prints how often each model calls a state valid that the reference does not."""
     found = compare(load_scenario(SCENE), samples=2_000 if arguments.quick else 100_000, paths=0, jobs=2)
-    rates = {variant.name: found.confusion(variant).rates for variant in VARIANTS}
+    rates = {variant.name: found.confusion(variant).rates for variant in found.verdicts.variants}
     print(f"\nverdicts in {SCENE.name}, {len(found.verdicts.rows):,} states")
     for name, rate in rates.items():
         print(f"  {name:30} false valid {rate['false_valid']!s:40} false invalid {rate['false_invalid']}")

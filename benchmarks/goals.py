@@ -22,7 +22,7 @@ from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning import goal as goals
 from tdcr_planner.planning.scenario import Goal, load_scenario
 from tdcr_planner.planning.validity import ValidityChecker, sample_within_tensions
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.query.session import PlanningSession
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SCENARIOS = [SCENES / "airway" / f"scenario_{name}.toml" for name in ("left_main", "roll")]

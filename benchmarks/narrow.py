@@ -36,7 +36,8 @@ import numpy as np
 import trimesh
 
 from tdcr_planner.planning.scenario import load_scenario
-from tdcr_planner.session import PlanningSession, PlanStatus
+from tdcr_planner.query.result import PlanStatus
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.shape.learned import load_shape_model
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -14,12 +14,13 @@ from functools import cache, partial
 from pathlib import Path
 
 from tdcr_planner.planning.scenario import load_scenario
+from tdcr_planner.query.result import PlanResult, PlanStatus
+from tdcr_planner.query.session import plan
 from tdcr_planner.report import plots
 from tdcr_planner.report.picture import gather_picture
 from tdcr_planner.report.robustness_results import draw_robustness
 from tdcr_planner.report.scene_png import draw_scene, write_png
 from tdcr_planner.robustness import Tolerances, assess_robustness
-from tdcr_planner.session import PlanResult, PlanStatus, plan
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs/pictures"

@@ -29,12 +29,15 @@ from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.scene import CollisionScene
 from tdcr_planner.planning import ompl_run
 from tdcr_planner.planning.edges import EdgeChecker
-from tdcr_planner.planning.ompl_planner import PLANNERS, search
+from tdcr_planner.planning.offered import OMPL_TRAITS
+from tdcr_planner.planning.planners import search
 from tdcr_planner.planning.scenario import Goal, Scenario, Start, load_scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
+from tdcr_planner.query.paths import path_rows
+from tdcr_planner.query.result import PlanStatus
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.session import PlanningSession, PlanStatus
 from tdcr_planner.shape.base import ShapeModel
 from tdcr_planner.shape.reference import ReferenceShape
 
@@ -168,7 +171,7 @@ def scenarios(files: list[Path], seeds: int) -> None:
                 total += 1
                 clean += result.repairs == 0 and result.status is PlanStatus.VERIFIED
             if result.status is PlanStatus.VERIFIED and seed <= 3:
-                report, _ = session.verifier(scenario, refine=10).verify(session.rows(result.path))
+                report, _ = session.verifier(scenario, refine=10).verify(path_rows(session.space, result.path))
                 checked += 1
                 confirmed += report.verified
                 sound += report.verified
@@ -207,7 +210,7 @@ def planners(names: tuple[str, ...], seeds: int) -> None:
     for name in names:
         session = PlanningSession(load_scenario(SCENES / name))
         scale = session.checker().motion_scale
-        for planner in PLANNERS:
+        for planner in OMPL_TRAITS:
             found, verified, times, lengths = 0, 0, [], []
             for seed in range(1, seeds + 1):
                 query = session.scenario.with_planner(
@@ -218,7 +221,7 @@ def planners(names: tuple[str, ...], seeds: int) -> None:
                 verified += result.status is PlanStatus.VERIFIED
                 if result.path is not None:
                     found += 1
-                    moves = np.diff(session.rows(result.path), axis=0) * scale
+                    moves = np.diff(path_rows(session.space, result.path), axis=0) * scale
                     lengths.append(1e3 * float(np.linalg.norm(moves, axis=1).sum()))
             length = f"{np.median(lengths):7.0f}" if lengths else "   none"
             counts = f"found {found} verified {verified} of {seeds}"

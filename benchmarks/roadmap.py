@@ -34,7 +34,8 @@ from tdcr_planner.planning.roadmap import Roadmap
 from tdcr_planner.planning.roadmap_way import RoadmapConnector
 from tdcr_planner.planning.scenario import Scenario, load_scenario
 from tdcr_planner.planning.validity import sample_within_tensions
-from tdcr_planner.session import PlanningSession, PlanResult, PlanStatus
+from tdcr_planner.query.result import PlanResult, PlanStatus
+from tdcr_planner.query.session import PlanningSession
 
 SCENES = Path(__file__).parents[1] / "scenes"
 PAIRS_IN = {
@@ -139,7 +140,7 @@ def way(session: PlanningSession, roadmap: Roadmap, query: Scenario) -> FloatArr
     """Returns the way of a query through a roadmap, as it is before it is shortened."""
     edges = EdgeChecker(session.checker(query), query.planner.step_m)
     ends = query.file.start, query.goals[0]
-    start, goal = (session.space.row(end.bending_n, end.insertion_m, end.roll_deg) for end in ends)
+    start, goal = (session.space.row_of(end) for end in ends)
     return RoadmapConnector(roadmap).connect(edges, start, ConfigurationGoal(edges.checker, goal), np.inf)
 
 

@@ -12,24 +12,25 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tdcr_planner.errors import TdcrError
     from tdcr_planner.planning.scenario import Scenario, load_scenario
+    from tdcr_planner.query.result import PlanResult, PlanStatus
+    from tdcr_planner.query.session import PlanningSession, plan, verify
     from tdcr_planner.robot import RobotSpec, load_robot
-    from tdcr_planner.session import PlanningSession, PlanResult, PlanStatus, plan, verify
     from tdcr_planner.shape.learned import load_shape_model
     from tdcr_planner.statics.solver import solve_statics
 
 _HOMES = {
-    "PlanResult": "tdcr_planner.session",
-    "PlanStatus": "tdcr_planner.session",
-    "PlanningSession": "tdcr_planner.session",
+    "PlanResult": "tdcr_planner.query.session",
+    "PlanStatus": "tdcr_planner.query.session",
+    "PlanningSession": "tdcr_planner.query.session",
     "RobotSpec": "tdcr_planner.robot",
     "Scenario": "tdcr_planner.planning.scenario",
     "TdcrError": "tdcr_planner.errors",
     "load_robot": "tdcr_planner.robot",
     "load_scenario": "tdcr_planner.planning.scenario",
     "load_shape_model": "tdcr_planner.shape.learned",
-    "plan": "tdcr_planner.session",
+    "plan": "tdcr_planner.query.session",
     "solve_statics": "tdcr_planner.statics.solver",
-    "verify": "tdcr_planner.session",
+    "verify": "tdcr_planner.query.session",
 }
 
 __all__ = [

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 from tdcr_planner.errors import InputError
 
@@ -65,10 +65,10 @@ def binomial_rate(count: int, total: int, confidence: float = CONFIDENCE) -> Rat
         raise InputError("count", f"0 to {total}", count)
     if not 0.0 < confidence < 1.0:
         raise InputError("confidence", "a number between 0 and 1", confidence)
-    tail = 0.5 * (1.0 - confidence)
-    low = 0.0 if count == 0 else float(beta.ppf(tail, count, total - count + 1))
-    high = 1.0 if count == total else float(beta.isf(tail, count + 1, total - count))
-    return Rate(count, total, low, high)
+    if not total:
+        return Rate(0, 0, 0.0, 1.0)
+    interval = binomtest(count, total).proportion_ci(confidence, method="exact")
+    return Rate(count, total, float(interval.low), float(interval.high))
 
 
 def ratio_at_least(numerator: Rate, denominator: Rate, confidence: float = CONFIDENCE) -> float:

@@ -13,10 +13,12 @@ from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
+from tdcr_planner.query.paths import path_rows
+from tdcr_planner.query.result import PlanResult
+from tdcr_planner.query.session import PlanningSession
+from tdcr_planner.query.verification import Verifier
 from tdcr_planner.rates import Rate, binomial_rate
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.session import PlanningSession, PlanResult
-from tdcr_planner.verification import Verifier
 
 Progress = Callable[[int, int, str], None]
 
@@ -202,7 +204,7 @@ class _Assessment:
         query = result.scenario
         session = PlanningSession(query)
         self._scene, self._query = session.scene, query
-        self._rows = session.rows(result.path)
+        self._rows = path_rows(session.space, result.path)
         self._goals = [(state, query.goals[number]) for state, number in result.path.goal_states]
         _, nominal = self._verifier(session.space).judge_each(self._rows)
         self.nominal_clearance = nominal.clearance

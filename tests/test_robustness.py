@@ -10,9 +10,10 @@ from scipy.stats import chi2, norm
 
 from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Scenario
+from tdcr_planner.query.result import PlanResult
+from tdcr_planner.query.session import plan
 from tdcr_planner.rates import binomial_rate
 from tdcr_planner.robustness import Tolerances, assess_robustness
-from tdcr_planner.session import PlanResult, plan
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 
 NONE = Tolerances(youngs_modulus=0.0, tension=0.0, mass=0.0, base_position_m=0.0, base_angle_deg=0.0)

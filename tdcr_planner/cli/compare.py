@@ -15,13 +15,14 @@ def compare(
     scenario: tyro.conf.Positional[Path],
     *,
     out: Path,
+    models: tuple[str, ...] = (),
     samples: int = 10_000,
     paths: int = 5,
     seed: int = 1,
     jobs: int | None = None,
     progress: bool = True,
 ) -> int:
-    """Compare the verdicts of learned model and constant curvature with the Cosserat reference, on states and paths.
+    """Compare the verdicts of shape models with the Cosserat reference, on states and paths.
 
     Example: tdcr compare scenes/duct/scenario_elbow.toml --out out/compare --samples 10000
 
@@ -29,8 +30,9 @@ def compare(
     the worst disagreements.
 
     Args:
-        scenario: Scenario file; it must name a shape model.
+        scenario: Scenario file; it must name a shape model where a model needs one.
         out: Folder for the result.
+        models: Shape models by name; without it the learned one, constant curvature and the scenario's own.
         samples: Number of states, uniform in the scenario's configuration space.
         paths: Queries to plan with each model; 0 for none.
         seed: Seed of the states.
@@ -63,6 +65,7 @@ def compare(
     with CountBar("comparing", shown=progress) as bar:
         found = compare_scenario(
             query,
+            models=models or None,
             samples=samples,
             paths=paths,
             seed=seed,
@@ -81,22 +84,24 @@ def compare(
 def describe(comparison: Comparison) -> str:
     """Returns a comparison as a few lines for a terminal."""
     from tdcr_planner.compare.paths import path_rates
-    from tdcr_planner.compare.verdicts import MODELS, VARIANTS
     from tdcr_planner.rates import ratio_at_least
 
     verdicts = comparison.verdicts
     lines = [f"states:    {len(verdicts.rows):,}, {100 * verdicts.reference_valid.mean():.1f} % of them valid"]
     rates = {}
-    for variant in VARIANTS:
+    for variant in verdicts.variants:
         rates[variant.name] = found = comparison.confusion(variant).rates
         lines.append(f"{variant.name}:")
         lines.append(f"           false valid {found['false_valid']}, false invalid {found['false_invalid']}")
-    bound = ratio_at_least(rates["constant_curvature"]["false_valid"], rates["learned"]["false_valid"])
-    lines.append(f"ratio:     constant curvature is falsely valid at least {bound:.3g} times as often (95 %)")
+    first, *others = verdicts.models
+    for other in others:
+        bound = ratio_at_least(rates[other]["false_valid"], rates[first]["false_valid"])
+        name = other.replace("_", " ")
+        lines.append(f"ratio:     {name} is falsely valid at least {bound:.3g} times as often (95 %)")
     slowest = max(time.check_us for time in comparison.times)
     for time in comparison.times:
         lines.append(f"time:      {time.model}: {time.check_us:.3g} us a state, {slowest / time.check_us:.3g} times")
-    for path in path_rates(comparison.paths, MODELS) if comparison.paths else ():
+    for path in path_rates(comparison.paths, verdicts.models) if comparison.paths else ():
         lines.append(f"paths:     {path.model}: first path verified {path.verified_at_once}")
         lines.append(f"           verified in the end {path.verified}")
     return "\n".join(lines)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import tyro
 
 if TYPE_CHECKING:
-    from tdcr_planner.session import PlanResult
+    from tdcr_planner.query.result import PlanResult
 
 
 def plan(
@@ -17,7 +17,7 @@ def plan(
     out: Path,
     seed: int | None = None,
     planner: str | None = None,
-    validity: Literal["learned", "reference", "constant_curvature"] | None = None,
+    validity: str | None = None,
     time_limit_s: float | None = None,
     roadmap: Path | None = None,
     progress: bool = True,
@@ -35,8 +35,9 @@ def plan(
         scenario: Scenario file.
         out: Folder for the result.
         seed: Seed of the search, in place of the scenario's.
-        planner: OMPL planner, in place of the scenario's.
-        validity: Shape model that the search asks, in place of the scenario's.
+        planner: Planner, in place of the scenario's: one of OMPL's or of an installed package, or module:function.
+        validity: Shape model that the search asks, in place of the scenario's: learned, reference,
+            constant_curvature or one of an installed package.
         time_limit_s: Time for search, verification and repair in seconds, in place of the scenario's.
         roadmap: Roadmap of the scene that `tdcr roadmap` wrote, asked before the planner.
         progress: Draw a progress bar while planning.
@@ -53,8 +54,9 @@ def plan(
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
     # Seconds to import: what is wrong with the arguments is said before.
+    from tdcr_planner.query.result import PlanStatus
+    from tdcr_planner.query.session import PlanningSession
     from tdcr_planner.report.results import RESULT_FILES, draw_result, write_result_data
-    from tdcr_planner.session import PlanningSession, PlanStatus
 
     check_folder(out, RESULT_FILES)
     tell_cost("time_limit_s", query.planner.time_limit_s)

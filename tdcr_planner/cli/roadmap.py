@@ -44,7 +44,7 @@ def roadmap(
     from tdcr_planner.errors import InputError
     from tdcr_planner.files import check_file_target
     from tdcr_planner.planning.scenario import load_scenario
-    from tdcr_planner.session import PlanningSession
+    from tdcr_planner.query.session import PlanningSession
 
     if out.suffix != ".npz" or os.path.isdir(out):
         raise InputError("--out", "a file ending in .npz", repr(str(out)))

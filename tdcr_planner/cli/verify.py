@@ -21,8 +21,8 @@ def verify(result: tyro.conf.Positional[Path], *, refine: int = 1) -> int:
     from tdcr_planner.bounds import REFINEMENT
     from tdcr_planner.cli.cost import REFERENCE_S, SHAPE_BYTES, tell_cost
     from tdcr_planner.errors import FormatError
+    from tdcr_planner.query.session import verify as verify_result
     from tdcr_planner.report.results import read_result
-    from tdcr_planner.session import verify as verify_result
 
     REFINEMENT.check("--refine", refine)
     found = read_result(result)

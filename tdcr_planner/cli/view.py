@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import tyro
 
 if TYPE_CHECKING:
+    from tdcr_planner.query.result import PlanResult
     from tdcr_planner.report.picture import Picture
-    from tdcr_planner.session import PlanResult
 
 
 def view(
@@ -131,9 +131,9 @@ def _view_live(file: Path, port: int, host: str, open_browser: bool) -> int:
     import threading
 
     from tdcr_planner.planning.scenario import load_scenario
+    from tdcr_planner.query.session import PlanningSession
     from tdcr_planner.report.live import find_port, serve_live
     from tdcr_planner.report.results import read_result
-    from tdcr_planner.session import PlanningSession
 
     port = find_port(host, port)
     scenario = load_scenario(file) if file.suffix == ".toml" else read_result(file).scenario

@@ -40,7 +40,7 @@ def make_side(mesh: SceneMesh) -> Side:
     return Side(
         tree=mesh.closed_tree if mesh.bounded else mesh.wall_tree,
         bounded=mesh.bounded,
-        keep_inside=mesh.role == "cavity",
+        keep_inside=mesh.keeps_inside,
         has_entry=entry is not None,
         entry_point=np.zeros(3) if entry is None else entry.point,
         entry_normal=np.zeros(3) if entry is None else entry.normal,

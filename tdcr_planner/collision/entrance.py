@@ -22,7 +22,7 @@ def obstruction(mesh: SceneMesh, base: FloatArray, body_radius: float) -> str | 
         base: Where the base stands, shape (3,), m, world frame.
         body_radius: Radius of the smallest disk, m.
     """
-    if mesh.role != "cavity" or mesh.entry is None or mesh.entrances or mesh.contains(base[None])[0]:
+    if not mesh.keeps_inside or mesh.entry is None or mesh.entrances or mesh.contains(base[None])[0]:
         return None
     where = f"the base, at {format_point(base)}, is outside of it"
     if len(mesh.caps):

@@ -105,7 +105,7 @@ def build_field(mesh: SceneMesh, side: Side, cells: int = CELLS, *, keep: bool =
     values = (_load_or_fill if keep else _filled)(mesh, side, shape, origin, spacing)
     entry = mesh.entry
     plane = np.zeros(6) if entry is None else np.concatenate([entry.point, entry.normal])
-    rules = np.array([mesh.bounded, mesh.role == "cavity", entry is not None], dtype=np.int64)
+    rules = np.array([mesh.bounded, mesh.keeps_inside, entry is not None], dtype=np.int64)
     return Field(values, shape, origin, spacing, lower, upper, rules, plane)
 
 

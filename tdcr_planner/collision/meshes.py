@@ -7,7 +7,6 @@ import logging
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,13 +14,13 @@ from numpy.typing import ArrayLike
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray, check_array
 from tdcr_planner.collision.mesh_files.registry import read_mesh_file
 from tdcr_planner.collision.mesh_files.source import RawMesh
+from tdcr_planner.collision.roles import MeshRole, find_role
 from tdcr_planner.collision.topology import Loop, Surface, analyse, clean_mesh, fan_cap
 from tdcr_planner.collision.tree import TriangleTree, build_tree, winding_numbers
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
 
 logger = logging.getLogger(__name__)
 
-Role = Literal["cavity", "obstacle"]
 METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 # The units of 3MF files.
 _DECLARED_UNITS = {"meter": "m", "centimeter": "cm", "millimeter": "mm", "inch": "in", "micron": "um", "foot": "ft"}
@@ -66,7 +65,7 @@ class SceneMesh:
         name: What to call it in messages: the file's name.
         vertices: Shape (v, 3), m.
         faces: Shape (f, 3), vertex indices; coincident vertices are merged, collapsed and repeated faces dropped.
-        role: "cavity": the body stays inside; "obstacle": it stays outside.
+        role: Name in `MESH_ROLES`. "cavity": the body stays inside; "obstacle": it stays outside.
         entry: For a cavity, the plane behind which the body may be outside; None where it may be outside nowhere.
         caps: Flat caps over a cavity's openings that are not the entry, shape (c, 3), indices into `wall_vertices`.
             They are walls: the body must not poke out of them.
@@ -79,7 +78,7 @@ class SceneMesh:
     name: str
     vertices: FloatArray
     faces: IntArray
-    role: Role
+    role: str
     entry: Entry | None = None
     caps: IntArray = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))
     bounded: bool = True
@@ -95,7 +94,7 @@ class SceneMesh:
         name: str,
         vertices: ArrayLike,
         faces: ArrayLike,
-        role: Role,
+        role: str,
         entry_point: ArrayLike | None = None,
         entry_normal: ArrayLike | None = None,
     ) -> SceneMesh:
@@ -105,7 +104,7 @@ class SceneMesh:
             name: What to call it in messages.
             vertices: Shape (v, 3), m, world frame.
             faces: Shape (f, 3), vertex indices.
-            role: "cavity" or "obstacle".
+            role: Name in `MESH_ROLES`, such as "cavity" or "obstacle".
             entry_point: Shape (3,), m, a point of a cavity's entry plane; None for no entry.
             entry_normal: Shape (3,), direction into the cavity, any length above 0.
 
@@ -114,6 +113,11 @@ class SceneMesh:
             FormatError: The mesh cannot serve in its role; the message says where its holes are.
         """
         return _build_mesh(name, vertices, faces, role, entry_point, entry_normal, None)
+
+    @property
+    def keeps_inside(self) -> bool:
+        """Whether the body must stay inside."""
+        return find_role(self.role).keeps_inside
 
     @property
     def wall_vertices(self) -> FloatArray:
@@ -239,27 +243,26 @@ def _build_mesh(
     entry_normal: ArrayLike | None,
     source: Path | None,
 ) -> SceneMesh:
-    if role not in get_args(Role):
-        raise UnknownNameError("role", str(role), get_args(Role))
-    entry = _check_entry(role, entry_point, entry_normal)
+    kind = find_role(role)
+    entry = _check_entry(kind, entry_point, entry_normal)
     where = source if source is not None else name
     points, triangles = _check_geometry(where, vertices, faces)
     points, triangles = clean_mesh(points, triangles)
     if not len(triangles):
         raise FormatError(where, "has no triangles of an area above 0")
     surface = analyse(points, triangles)
-    mesh = SceneMesh(name, points, surface.faces, "obstacle" if role == "obstacle" else "cavity", entry, source=source)
-    return _as_cavity(where, mesh, surface) if role == "cavity" else _as_obstacle(mesh, surface)
+    mesh = SceneMesh(name, points, surface.faces, role, entry, source=source)
+    return _as_cavity(where, mesh, surface) if kind.keeps_inside else _as_obstacle(mesh, surface)
 
 
-def _check_entry(role: str, point: ArrayLike | None, normal: ArrayLike | None) -> Entry | None:
+def _check_entry(role: MeshRole, point: ArrayLike | None, normal: ArrayLike | None) -> Entry | None:
     if point is None and normal is None:
         return None
     if point is None or normal is None:
         missing = "entry_point" if point is None else "entry_normal"
         raise InputError(missing, "a point and a normal of the entry plane together", "only one of them")
-    if role != "cavity":
-        raise InputError("entry_point", "no entry for an obstacle: it belongs to the role 'cavity'", "an entry")
+    if not role.keeps_inside:
+        raise InputError("entry_point", f"no entry for an {role.name}: it belongs to the role 'cavity'", "an entry")
     direction = check_array("entry_normal", normal, (3,))
     length = float(np.linalg.norm(direction))
     if length < 1e-9:

@@ -93,7 +93,7 @@ def _name_disks(part: str) -> str:
 
 
 def _mesh_verdict(mesh: SceneMesh) -> Verdict:
-    return Verdict.CAVITY if mesh.role == "cavity" else Verdict.OBSTACLE
+    return Verdict.CAVITY if mesh.keeps_inside else Verdict.OBSTACLE
 
 
 def _hint_at_units(meshes: Sequence[SceneMesh], body: RobotBody) -> None:

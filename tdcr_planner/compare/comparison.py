@@ -16,7 +16,6 @@ from tdcr_planner.compare.timing import CheckTime, measure_times
 from tdcr_planner.compare.verdicts import (
     MODELS,
     REFERENCE_VERDICTS,
-    VARIANTS,
     Variant,
     Verdicts,
     join_verdicts,
@@ -24,9 +23,11 @@ from tdcr_planner.compare.verdicts import (
     sample_configurations,
 )
 from tdcr_planner.errors import FormatError, InputError
+from tdcr_planner.planning.causes import CAUSES
 from tdcr_planner.planning.scenario import Scenario, Validity
-from tdcr_planner.planning.validity import CAUSES
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.query.session import PlanningSession
+from tdcr_planner.shape.reference import ReferenceShape
+from tdcr_planner.shape.registry import SHAPE_MODELS
 from tdcr_planner.workers import ALLOWED_LOSSES, Outcome, WorkersError, run_jobs
 
 # Fixed, so that the batches, and with them the last digits of the network's answers, do not depend on the workers.
@@ -79,7 +80,7 @@ class Comparison:
         seed: Seed of the states.
         drawn: Draws it took; those that are not among the states break a tension limit.
         verdicts: The states and what was said of them.
-        error_bound: The learned model's bound, shape (d,), m.
+        error_bound: The first model's bound, shape (d,), m.
         times: Time a verdict.
         paths: Planned paths.
         disagreements: The worst wrong verdicts with their shapes.
@@ -106,21 +107,24 @@ class Comparison:
 def compare(
     scenario: Scenario,
     *,
+    models: Sequence[Validity] | None = None,
     samples: int = 10_000,
     paths: int = 5,
     seed: int = 1,
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Compares the learned model and constant curvature with the Cosserat reference in a scenario.
+    """Compares shape models with the Cosserat reference in a scenario.
 
     Args:
-        scenario: The scenario; it names a shape model.
+        scenario: The scenario; it names a shape model where a model needs one.
+        models: The shape models by name; None for the learned one, constant curvature and the one that the scenario
+            names.
         samples: Number of states.
         paths: Queries to plan with each shape model, with seeds 1, 2, ...; 0 for none.
         seed: Seed of the states.
         jobs: Worker processes. The verdicts do not depend on it.
-        progress: Told steps done, steps in all, and what is going on.
+        progress: Called with the number of completed steps, of all steps, and a message.
 
     Returns:
         The comparison.
@@ -133,19 +137,18 @@ def compare(
     for name, value, least in (("samples", samples, 1), ("paths", paths, 0), ("seed", seed, 0), ("jobs", jobs, 1)):
         if value < least:
             raise InputError(name, f"{least} or more", value)
-    if scenario.shape_model_path is None:
-        raise FormatError(scenario.path, "missing: there is nothing to compare without a learned model", "shape_model")
+    compared = _compared(scenario, models)
     tell = progress or (lambda *_: None)
     begin = time.perf_counter()
-    session = PlanningSession(scenario.with_planner(validity="learned"))
+    session = PlanningSession(scenario.with_planner(validity=compared[0]))
     rows, drawn = sample_configurations(session.space, samples, seed)
     batches = [rows[start : start + BATCH] for start in range(0, samples, BATCH)]
-    queries = [(model, number) for model in MODELS for number in range(1, paths + 1)]
-    tasks: list[_Task] = [_Task(session.scenario, rows=batch) for batch in batches]
-    tasks += [_Task(session.scenario, query=query) for query in queries]
+    queries = [(model, number) for model in compared for number in range(1, paths + 1)]
+    tasks: list[_Task] = [_Task(session.scenario, compared, rows=batch) for batch in batches]
+    tasks += [_Task(session.scenario, compared, query=query) for query in queries]
     loaded = time.perf_counter()
     tell(0, len(tasks), "")
-    times = measure_times(session, rows[:_TIMED_STATES])
+    times = measure_times(session, rows[:_TIMED_STATES], compared)
     timed = time.perf_counter()
     answers: dict[int, Any] = {}
     for outcome in _run(session, tasks, jobs):
@@ -156,23 +159,32 @@ def compare(
         tell(len(answers), len(tasks), "states" if task.query is None else f"paths, {task.query[0]}")
     verdicts = join_verdicts([answers[index] for index in range(len(batches))])
     judged = time.perf_counter()
-    learned: Any = session.model("learned")
     return Comparison(
         scenario=session.scenario,
         seed=seed,
         drawn=drawn,
         verdicts=verdicts,
-        error_bound=learned.error_bound,
+        error_bound=session.model(compared[0]).error_bound,
         times=times,
         paths=tuple(answers[index] for index in range(len(batches), len(tasks))),
         disagreements=tuple(_worst_disagreements(session, verdicts)),
-        hashes={
-            "scenario": scenario.sha256,
-            "robot": scenario.robot.mechanics_hash,
-            "shape_model": learned.sha256,
-        },
+        hashes={name: text for name, text in session.hashes(session.scenario).items() if name != "geometry"},
         seconds={"load": loaded - begin, "times": timed - loaded, "states_and_paths": judged - timed},
     )
+
+
+def _compared(scenario: Scenario, models: Sequence[Validity] | None) -> tuple[Validity, ...]:
+    """Returns what to compare: the models named, or the usual ones and the scenario's; the reference is the measure."""
+    given = models or (*MODELS, scenario.planner.validity)
+    names = tuple(name for name in dict.fromkeys(given) if name != ReferenceShape.name)
+    if not names:
+        raise InputError("models", "shape models beside the reference, which they are compared with", "none")
+    for name in names:
+        if SHAPE_MODELS.find(name).needs_file and scenario.shape_model_path is None:
+            raise FormatError(
+                scenario.path, f"missing: there is nothing to compare without a {name} model", "shape_model"
+            )
+    return names
 
 
 @dataclass(frozen=True)
@@ -180,6 +192,7 @@ class _Task:
     """A batch of states to judge, or a query to plan."""
 
     scenario: Scenario
+    models: tuple[Validity, ...]
     rows: FloatArray | None = None
     query: tuple[Validity, int] | None = None
 
@@ -187,7 +200,7 @@ class _Task:
         if self.query is not None:
             return plan_path(session, *self.query)
         assert self.rows is not None  # a task without a query has rows
-        return judge(session, self.rows)
+        return judge(session, self.rows, self.models)
 
 
 _sessions: dict[tuple[str, str], PlanningSession] = {}
@@ -211,8 +224,8 @@ def _run(session: PlanningSession, tasks: Sequence[_Task], jobs: int) -> Iterato
 
 def _worst_disagreements(session: PlanningSession, verdicts: Verdicts) -> Iterator[Disagreement]:
     """Yields the false-valid states of least clearance and the false-invalid ones of most, model by model."""
-    for place_of_variant, variant in enumerate(VARIANTS):
-        if variant.name not in MODELS:
+    for place_of_variant, variant in enumerate(verdicts.variants):
+        if variant.name != variant.model:
             continue
         valid, truth = verdicts.valid(variant), verdicts.reference_valid
         deviation = verdicts.deviation_of(variant.model)

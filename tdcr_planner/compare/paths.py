@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tdcr_planner.planning.scenario import Validity
+from tdcr_planner.query.result import PlanResult, PlanStatus
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.rates import Rate, binomial_rate
-from tdcr_planner.session import PlanningSession, PlanResult, PlanStatus
 
 
 @dataclass(frozen=True)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.compare.verdicts import MODELS
 from tdcr_planner.planning.scenario import Validity
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.query.session import PlanningSession
+from tdcr_planner.shape.reference import ReferenceShape
 
-TIMED_MODELS: tuple[Validity, ...] = ("learned", "constant_curvature", "reference")
 _ROUNDS = 5
 
 
@@ -35,10 +36,13 @@ class CheckTime:
     check_us: float
 
 
-def measure_times(session: PlanningSession, rows: FloatArray) -> tuple[CheckTime, ...]:
-    """Returns the time a verdict takes with each shape model, asked for all rows (n, dimension) in one call."""
+def measure_times(
+    session: PlanningSession, rows: FloatArray, models: Sequence[Validity] = MODELS
+) -> tuple[CheckTime, ...]:
+    """Returns the time a verdict takes with each shape model and the reference, all rows (n, dimension) in one call."""
+    timed = tuple(dict.fromkeys((*models, ReferenceShape.name)))
     checkers = {}
-    for name in TIMED_MODELS:
+    for name in timed:
         model = session.model(name)
         scene = session.scene.with_margins(planning_margins(session.scenario, model))
         checkers[name] = ValidityChecker(session.space, model, scene)
@@ -48,7 +52,7 @@ def measure_times(session: PlanningSession, rows: FloatArray) -> tuple[CheckTime
             for kind, call in (("shape", checker.world_poses), ("check", checker.check)):
                 spent.setdefault((name, kind), []).append(_seconds(call, rows))
     micro = {key: 1e6 * float(np.median(times)) / len(rows) for key, times in spent.items()}
-    return tuple(CheckTime(name, len(rows), micro[name, "shape"], micro[name, "check"]) for name in TIMED_MODELS)
+    return tuple(CheckTime(name, len(rows), micro[name, "shape"], micro[name, "check"]) for name in timed)
 
 
 def _seconds(call: Callable[[FloatArray], Any], rows: FloatArray) -> float:

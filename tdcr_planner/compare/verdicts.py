@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -12,10 +13,12 @@ from numpy.typing import NDArray
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.collision.scene import Verdict
 from tdcr_planner.limits import at_most
+from tdcr_planner.planning.causes import Codes
 from tdcr_planner.planning.scenario import Scenario, Validity
 from tdcr_planner.planning.spaces import ConfigurationSpace
-from tdcr_planner.planning.validity import Codes, Shapes, ValidityChecker
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.planning.validity import Shapes, ValidityChecker
+from tdcr_planner.query.session import PlanningSession
+from tdcr_planner.shape.registry import SHAPE_MODELS
 
 
 @dataclass(frozen=True)
@@ -40,14 +43,20 @@ class Variant:
         return np.asarray(settings.clearance_m + (error_bound if self.with_bound else np.zeros_like(error_bound)))
 
 
-VARIANTS = (
-    Variant("learned", "learned", with_bound=True, with_half_step=False),
-    Variant("learned_without_bound", "learned", with_bound=False, with_half_step=False),
-    Variant("constant_curvature", "constant_curvature", with_bound=True, with_half_step=False),
-    Variant("learned_as_planned", "learned", with_bound=True, with_half_step=True),
-    Variant("constant_curvature_as_planned", "constant_curvature", with_bound=True, with_half_step=True),
-)
+@cache
+def variants_of(models: tuple[Validity, ...]) -> tuple[Variant, ...]:
+    """Returns the variants of shape models: each with its bound, without it where it has one, and as planned."""
+    found = []
+    for name in models:
+        found.append(Variant(name, name, with_bound=True, with_half_step=False))
+        if SHAPE_MODELS.find(name).has_error_bound:
+            found.append(Variant(f"{name}_without_bound", name, with_bound=False, with_half_step=False))
+    found += [Variant(f"{name}_as_planned", name, with_bound=True, with_half_step=True) for name in models]
+    return tuple(found)
+
+
 MODELS: tuple[Validity, ...] = ("learned", "constant_curvature")
+"""What is compared unless others are named."""
 ReferenceVerdict = Literal["valid", "no_shape", "limits", "clearance", "self_collision"]
 REFERENCE_VERDICTS: tuple[ReferenceVerdict, ...] = ("valid", "no_shape", "limits", "clearance", "self_collision")
 
@@ -63,6 +72,7 @@ class Verdicts:
         codes: Code of each variant's verdict (see `ValidityChecker.check`; 0 is valid), shape (n, variants).
         deviation: Largest distance of a disk centre from the reference, shape (n, models), m; NaN where one of the two
             has no shape.
+        models: The shape models.
     """
 
     rows: FloatArray
@@ -70,6 +80,12 @@ class Verdicts:
     clearance: FloatArray
     codes: NDArray[np.int8]
     deviation: FloatArray
+    models: tuple[Validity, ...] = MODELS
+
+    @property
+    def variants(self) -> tuple[Variant, ...]:
+        """The models together with their margins."""
+        return variants_of(self.models)
 
     @property
     def reference_valid(self) -> BoolArray:
@@ -78,16 +94,23 @@ class Verdicts:
 
     def valid(self, variant: Variant) -> BoolArray:
         """Returns which configurations a variant calls valid, shape (n,)."""
-        return np.asarray(self.codes[:, VARIANTS.index(variant)] == 0)
+        return np.asarray(self.codes[:, self.variants.index(variant)] == 0)
 
     def deviation_of(self, model: Validity) -> FloatArray:
         """Returns the deviation of a model from the reference, shape (n,), m."""
-        return np.asarray(self.deviation[:, MODELS.index(model)])
+        return np.asarray(self.deviation[:, self.models.index(model)])
 
 
 def join_verdicts(parts: Sequence[Verdicts]) -> Verdicts:
     """Returns the verdicts of several batches as one, in their order."""
-    return Verdicts(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Verdicts)))
+    return Verdicts(
+        rows=np.concatenate([part.rows for part in parts]),
+        reference=np.concatenate([part.reference for part in parts]),
+        clearance=np.concatenate([part.clearance for part in parts]),
+        codes=np.concatenate([part.codes for part in parts]),
+        deviation=np.concatenate([part.deviation for part in parts]),
+        models=parts[0].models,
+    )
 
 
 def sample_configurations(space: ConfigurationSpace, count: int, seed: int) -> tuple[FloatArray, int]:
@@ -120,7 +143,7 @@ def sample_configurations(space: ConfigurationSpace, count: int, seed: int) -> t
     return np.concatenate(found), drawn
 
 
-def judge(session: PlanningSession, rows: FloatArray) -> Verdicts:
+def judge(session: PlanningSession, rows: FloatArray, models: tuple[Validity, ...] = MODELS) -> Verdicts:
     """Returns all verdicts on configurations of a session's scenario.
 
     Valid is, for the reference, what verification accepts of a state by itself: the solver found a stable shape, the
@@ -129,6 +152,7 @@ def judge(session: PlanningSession, rows: FloatArray) -> Verdicts:
     Args:
         session: The scenario's session.
         rows: Configurations, shape (n, dimension).
+        models: The shape models to judge.
     """
     accepted, states = session.verifier().judge_each(rows)
     solved = states.converged & states.stable
@@ -141,19 +165,20 @@ def judge(session: PlanningSession, rows: FloatArray) -> Verdicts:
     touching = session.scene.check(states.positions[free], states.rotations[free]) == Verdict.SELF
     reference[free[touching]] = REFERENCE_VERDICTS.index("self_collision")
 
-    codes = np.zeros((len(rows), len(VARIANTS)), dtype=np.int8)
-    deviation = np.full((len(rows), len(MODELS)), np.nan)
-    for column, name in enumerate(MODELS):
+    variants = variants_of(models)
+    codes = np.zeros((len(rows), len(variants)), dtype=np.int8)
+    deviation = np.full((len(rows), len(models)), np.nan)
+    for column, name in enumerate(models):
         model = session.model(name)
         checker = ValidityChecker(session.space, model, session.scene)
         shapes = checker.shapes(rows)
         both = (shapes.codes == 0) & solved
         apart = np.linalg.norm(shapes.positions[both] - states.positions[both], axis=2)
         deviation[both, column] = apart.max(axis=1)
-        for place, variant in enumerate(VARIANTS):
+        for place, variant in enumerate(variants):
             if variant.model == name:
                 own = Shapes(shapes.codes.copy(), shapes.positions, shapes.rotations)
                 margins = variant.margins(session.scenario, model.error_bound)
                 ValidityChecker(session.space, model, session.scene.with_margins(margins)).collide(own)
                 codes[:, place] = own.codes
-    return Verdicts(rows, reference, np.where(solved, states.clearance, np.nan), codes, deviation)
+    return Verdicts(rows, reference, np.where(solved, states.clearance, np.nan), codes, deviation, models)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import tomli_w
 from scipy.optimize import least_squares
 
 from tdcr_planner.arrays import FloatArray
@@ -134,27 +134,7 @@ def train_on_measured(
 def format_robot(robot: RobotSpec) -> str:
     """Returns a robot as the TOML text of its file."""
     content = robot.model_dump(exclude_none=True)
-    lines = [f'format = "{robot.format}"', f"name = {_toml_value(robot.name)}"]
-    lines += ["", "[backbone]", *_toml_lines(content["backbone"])]
-    for segment in content["segments"]:
-        own = segment.pop("backbone", None)
-        lines += ["", "[[segments]]", *_toml_lines(segment)]
-        if own is not None:
-            lines += ["", "[segments.backbone]", *_toml_lines(own)]
-    lines += ["", "[tip]", *_toml_lines(content["tip"]), "", "[body]", *_toml_lines(content["body"])]
-    return "\n".join(lines) + "\n"
-
-
-def _toml_lines(table: dict[str, Any]) -> list[str]:
-    return [f"{key} = {_toml_value(value)}" for key, value in table.items()]
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, (tuple, list)):
-        return "[" + ", ".join(_toml_value(item) for item in value) + "]"
-    return repr(value)
+    return tomli_w.dumps({"format": content.pop("format"), "name": content.pop("name"), **content})
 
 
 def _point_rms(differences: FloatArray) -> float:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
-from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.planning.causes import CAUSES, Cause
 from tdcr_planner.planning.kernels import disk_motions, fill_intervals
 from tdcr_planner.planning.proved_edges import ProvedEdges
-from tdcr_planner.planning.validity import CAUSES, Cause, Scene, Shapes, ValidityChecker, disk_reaches
+from tdcr_planner.planning.validity import Shapes, ValidityChecker, disk_reaches
 
 _COARSE_STEPS = 4.0  # spacing of the first states of an edge, in steps
 _WIDEST_STEPS = 8.0  # motion, in steps, above which an interval is split however much room there is
@@ -66,7 +66,7 @@ class EdgeChecker:
         self._reaches = disk_reaches(checker.robot)
         self._known: set[bytes] = set()
         self._proved = ProvedEdges()
-        self._find_hit = getattr(checker.scene, "find_hit", None) or _hit_by_check(checker.scene)
+        self._find_hit = checker.scene.find_hit
 
     def state_valid(self, row: FloatArray) -> bool:
         """Returns whether one state is valid, and remembers it when it is."""
@@ -207,22 +207,6 @@ class EdgeChecker:
         if len(self._known) >= _REMEMBERED:
             self._known.clear()
         self._known.add(key)
-
-
-def _hit_by_check(scene: Scene) -> Callable[[FloatArray, FloatArray], tuple[int, int]]:
-    """Returns what stands for `CollisionScene.find_hit` with a scene that has no such method."""
-
-    def find_hit(positions: FloatArray, rotations: FloatArray) -> tuple[int, int]:
-        # The first state is the likeliest to hit, so it is asked about alone.
-        for start, stop in ((0, 1), (1, len(positions))):
-            if start < stop:
-                codes = np.asarray(scene.check(positions[start:stop], rotations[start:stop]))
-                hits = np.flatnonzero(codes)
-                if len(hits):
-                    return start + int(hits[0]), int(codes[hits[0]])
-        return -1, 0
-
-    return find_hit
 
 
 @lru_cache(maxsize=256)

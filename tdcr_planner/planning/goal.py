@@ -128,8 +128,8 @@ class TipGoal:
         self._chord = 2.0 * np.sin(np.deg2rad(goal.view_tolerance_deg) / 2.0)
         self._share = float(np.clip(1.0 - checker.model.error_bound[-1] / self._tolerance, _LEAST_SHARE, 0.9))
         self._generator = np.random.default_rng(seed)
-        slow = checker.model.name == "reference"
-        self._samples, self._kept, self._moved = (384, 16, 32) if slow else (2048, 96, 48)
+        sparse = not checker.model.is_fast
+        self._samples, self._kept, self._moved = (384, 16, 32) if sparse else (2048, 96, 48)
         self._next_due = 32
         self._taken = 0
         self.rounds = 0

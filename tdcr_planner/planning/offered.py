@@ -1,34 +1,50 @@
-"""The planners on offer: which OMPL planners can be named, their parameters, and why others are refused."""
+"""OMPL's planners: which can be named, what the search must know of each, their parameters, why others are refused."""
 
 from __future__ import annotations
 
 import inspect
 import re
-from typing import Any
+from dataclasses import dataclass
 
-import numpy as np
+from tdcr_planner.errors import MissingLibraryError
 
-from tdcr_planner.errors import InputError, MissingLibraryError, UnknownNameError
-
-PLANNERS: tuple[str, ...] = (
-    "RRTConnect",
-    "RRT",
-    "RRTstar",
-    "InformedRRTstar",
-    "SORRTstar",
-    "AORRTC",
-    "BITstar",
-    "FMT",
-    "BFMT",
-    "KPIECE1",
-    "BKPIECE1",
-    "LBKPIECE1",
-)
-# Those whose search ends at the first path and whose luck rests on their first samples; see docs/planning.md.
-RENEWED = frozenset({"RRTConnect", "RRT", "KPIECE1", "BKPIECE1"})
 FIRST_TREE = 512
-"""Iterations after which they start again, twice as many each time."""
-IMPROVING = frozenset({"RRTstar", "InformedRRTstar", "SORRTstar", "AORRTC", "BITstar"})
+"""Iterations after which planners that begin anew do so, twice as many each time."""
+
+
+@dataclass(frozen=True)
+class OmplTraits:
+    """What the search must know of an OMPL planner; see docs/planning.md.
+
+    Attributes:
+        begins_anew: Its search ends at the first path and its luck rests on its first samples.
+        improves: It goes on improving its path until the time is over.
+        single_shot: It draws all of its samples at once and ends with them.
+        chatty: It logs as an error that its first path is the straight one, which it cannot improve.
+        keeps_valid_part: It keeps the valid part of a motion, which the binding gives it no way to ask about.
+    """
+
+    begins_anew: bool = False
+    improves: bool = False
+    single_shot: bool = False
+    chatty: bool = False
+    keeps_valid_part: bool = False
+
+
+OMPL_TRAITS: dict[str, OmplTraits] = {
+    "RRTConnect": OmplTraits(begins_anew=True),
+    "RRT": OmplTraits(begins_anew=True),
+    "RRTstar": OmplTraits(improves=True),
+    "InformedRRTstar": OmplTraits(improves=True),
+    "SORRTstar": OmplTraits(improves=True),
+    "AORRTC": OmplTraits(improves=True, chatty=True),
+    "BITstar": OmplTraits(improves=True),
+    "FMT": OmplTraits(single_shot=True),
+    "BFMT": OmplTraits(single_shot=True),
+    "KPIECE1": OmplTraits(begins_anew=True, keeps_valid_part=True),
+    "BKPIECE1": OmplTraits(begins_anew=True),
+    "LBKPIECE1": OmplTraits(),
+}
 # What every planner takes besides its own: an end by iterations, and what is tried before it.
 COMMON_PARAMETERS: dict[str, type] = {"iterations": int, "plain_motions": bool, "retraction": bool}
 REFUSED: dict[str, str] = {
@@ -52,30 +68,6 @@ def require_ompl() -> None:
         ) from error
 
 
-def planner_parameters(name: str) -> dict[str, type]:
-    """Returns the parameters of a planner with their types, by name (OMPL's setters in snake case).
-
-    Raises:
-        InputError: The planner is not offered; the message names those that are, and why an OMPL planner is refused.
-    """
-    check_planner(name)
-    return {key: kind for key, (_, kind) in planner_setters(name).items()}
-
-
-def check_planner(name: str, parameters: dict[str, Any] | None = None) -> None:
-    """Raises InputError unless a planner of that name is offered and has those parameters."""
-    if name not in PLANNERS:
-        reason = f" (OMPL has {name}, but {REFUSED[name]})" if name in REFUSED else ""
-        raise UnknownNameError("planner.name", name, PLANNERS, reason)
-    if not parameters:
-        return
-    known = {**planner_parameters(name), **COMMON_PARAMETERS}
-    for key, value in parameters.items():
-        if key not in known:
-            raise UnknownNameError(f"planner.parameters of {name}", key, known)
-        convert_parameter(key, value, known[key])
-
-
 def planner_setters(name: str) -> dict[str, tuple[str, type]]:
     """Returns the setter and the type of each parameter of a planner by its name in snake case.
 
@@ -91,15 +83,3 @@ def planner_setters(name: str) -> dict[str, tuple[str, type]]:
             key = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", setter[3:]).lower()
             found[key] = (setter, {"bool": bool, "int": int, "float": float}[signature[1]])
     return found
-
-
-def convert_parameter(key: str, value: Any, kind: type) -> Any:
-    """Returns a parameter's value as the type that its setter takes."""
-    if kind is bool and isinstance(value, bool):
-        return value
-    if kind is int and isinstance(value, int) and not isinstance(value, bool) and value >= 0:
-        return value
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value):
-        return float(value)
-    wanted = {bool: "true or false", int: "a whole number of 0 or more", float: "a finite number"}[kind]
-    raise InputError(f"planner.parameters.{key}", wanted, repr(value))

@@ -5,30 +5,20 @@ from __future__ import annotations
 import contextlib
 import itertools
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import StrEnum
-from typing import Any, Protocol
+from types import SimpleNamespace
 
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.edges import EdgeChecker
-from tdcr_planner.planning.goal import ConfigurationGoal, GoalSource, TipGoal
+from tdcr_planner.planning.goal import GoalSource
 from tdcr_planner.planning.objectives import PathCost
-from tdcr_planner.planning.offered import (
-    FIRST_TREE,
-    IMPROVING,
-    PLANNERS,
-    REFUSED,
-    RENEWED,
-    check_planner,
-    planner_parameters,
-    require_ompl,
-)
+from tdcr_planner.planning.offered import COMMON_PARAMETERS, FIRST_TREE, OMPL_TRAITS, planner_setters, require_ompl
 from tdcr_planner.planning.passage import Passage
+from tdcr_planner.planning.planner import Connector, Planner, Progress, SearchOutcome, SearchStatus, SearchTask
 from tdcr_planner.planning.refusals import impossible_tip, missed_entries
-from tdcr_planner.planning.scenario import Goal, Scenario
+from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.smoothing import path_cost, shorten
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.tour import best_order
@@ -38,116 +28,45 @@ with contextlib.suppress(ModuleNotFoundError):
     # What does not search, as verification, works where OMPL cannot be installed; `require_ompl` says so to a search.
     from tdcr_planner.planning.ompl_run import PlannerRun
 
-__all__ = [
-    "PLANNERS",
-    "REFUSED",
-    "Connector",
-    "Progress",
-    "SearchOutcome",
-    "SearchStatus",
-    "check_planner",
-    "planner_parameters",
-    "search",
-]
-
-Progress = Callable[[float, str], None]
-"""Called with the completed fraction of the time limit and a message."""
-
 # Part of a leg's time that planners which improve their path until the end leave to shortening, and its most.
 _SHORTENING_SHARE = 0.1
 _SHORTENING_RESERVE_S = 0.3
 _FIRST_ROUNDS = 4  # rounds of goal sampling after which a goal that no shape has reached counts as out of reach
 
 
-class SearchStatus(StrEnum):
-    """How a search ended."""
+class OmplPlanner(Planner):
+    """One of OMPL's planners, with plain motions, retraction and a roadmap before it."""
 
-    FOUND = "found"
-    NO_PATH = "no_path"
-    INVALID_START = "invalid_start"
-    INVALID_GOAL = "invalid_goal"
+    def __init__(self, name: str) -> None:
+        """Prepares the planner of a name in `OMPL_TRAITS`."""
+        self.name = name
 
+    def parameters(self) -> dict[str, type]:
+        """Returns the planner's own parameters (OMPL's setters in snake case) and those that all take, with types."""
+        own = {key: kind for key, (_, kind) in planner_setters(self.name).items()}
+        return own | COMMON_PARAMETERS
 
-class Connector(Protocol):
-    """What may know a way already and is asked before the planner; `planning.roadmap_way` has one."""
+    def search(self, task: SearchTask) -> SearchOutcome:
+        """Searches a path; see `Planner.search`.
 
-    def connect(self, edges: EdgeChecker, start: FloatArray, goal: GoalSource, deadline: float) -> FloatArray | None:
-        """Returns waypoints (k, dimension) from a start to a goal state whose edges have all been checked, or None."""
-        ...
+        Planners that improve their path until the time is over repeat it where the parameter `iterations` ends them.
 
-
-@dataclass(frozen=True)
-class SearchOutcome:
-    """The answer of a search.
-
-    Attributes:
-        status: How it ended.
-        message: The same for a person.
-        rows: Waypoints of the path, shape (k, dimension), or None.
-        goals: Index in rows at which each goal is reached, in the order of travel.
-        order: The goals' numbers (from 0) in the order of travel.
-        statistics: name, iterations, goal_states, states_checked, edges_checked, rejected (a count a cause),
-            answered_by ("plain_motions", "retraction", "planner" or "roadmap", whichever found the last leg's path, or
-            ""), and retraction where states were pulled back (see `Passage.statistics`).
-    """
-
-    status: SearchStatus
-    message: str
-    rows: FloatArray | None = None
-    goals: tuple[int, ...] = ()
-    order: tuple[int, ...] = ()
-    statistics: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def found(self) -> bool:
-        """Whether there is a path."""
-        return self.status is SearchStatus.FOUND
+        Raises:
+            MissingLibraryError: OMPL is not installed and needed.
+        """
+        return _Query(
+            scenario=task.scenario,
+            space=task.space,
+            checker=task.checker,
+            edges=task.edges or EdgeChecker(task.checker, task.scenario.planner.step_m),
+            deadline=time.monotonic() + task.time_limit_s,
+            seed=task.seed,
+            progress=task.progress,
+            connector=task.connector,
+        ).run()
 
 
-def search(
-    scenario: Scenario,
-    space: ConfigurationSpace,
-    checker: ValidityChecker,
-    *,
-    time_limit_s: float | None = None,
-    seed: int | None = None,
-    progress: Progress | None = None,
-    edges: EdgeChecker | None = None,
-    connector: Connector | None = None,
-) -> SearchOutcome:
-    """Searches a path from the scenario's start through its goals.
-
-    Args:
-        scenario: The query; its planner settings hold unless an argument here replaces them.
-        space: Its configuration space.
-        checker: Validity of states, with the scene inflated by `planning_margins`.
-        time_limit_s: Time for the whole search; None for the scenario's.
-        seed: Seed, above 0; None for the scenario's. The same seed gives the same path unless the time runs out or
-            the planner is one that improves its path until then (give those the parameter `iterations`).
-        progress: Told the share of the time that has passed and a message.
-        edges: Validity of edges; None makes one with the scenario's step.
-        connector: Asked for each leg before the planner, which runs where it knows no way; None for the planner alone.
-
-    Returns:
-        The outcome; an invalid start, a goal out of reach and no path are statuses, not exceptions.
-
-    Raises:
-        InputError: The planner or one of its parameters is not offered.
-    """
-    settings = scenario.planner
-    check_planner(settings.name, settings.parameters)
-    begin = time.monotonic()
-    query = _Query(
-        scenario=scenario,
-        space=space,
-        checker=checker,
-        edges=edges or EdgeChecker(checker, settings.step_m),
-        deadline=begin + (settings.time_limit_s if time_limit_s is None else time_limit_s),
-        seed=settings.seed if seed is None else seed,
-        progress=progress,
-        connector=connector,
-    )
-    return query.run()
+OMPL_PLANNERS = SimpleNamespace(**{name: OmplPlanner(name) for name in OMPL_TRAITS})
 
 
 @dataclass
@@ -171,13 +90,12 @@ class _Query:
         self._rejected_before = dict(self.checker.rejected)
 
     def run(self) -> SearchOutcome:
-        start_file = self.scenario.file.start
-        start = self.space.row(start_file.bending_n, start_file.insertion_m, start_file.roll_deg)
+        start = self.space.row_of(self.scenario.file.start)
         problem = self.checker.explain(start)
         if problem:
             return self._outcome(SearchStatus.INVALID_START, f"the start is not valid: {problem}")
         for number, goal in enumerate(self.scenario.goals):
-            source = self._source(goal, number)
+            source = goal.kind.source(self.checker, goal, self.seed + 1000 * (number + 1))
             self.sources.append(source)
             problem = impossible_tip(self.checker, goal) or self._first_states(source)
             if problem:
@@ -222,16 +140,17 @@ class _Query:
 
     def _by_structure_or_planner(self, passage: Passage, leg: int, cost: PathCost) -> FloatArray | None:
         """Tries plain motions, then a first tree where there is room for it, then retraction, then the planner."""
-        name, parameters = self.scenario.planner.name, self.scenario.planner.parameters
+        settings = self.scenario.planner
+        traits, parameters = OMPL_TRAITS[settings.name], settings.parameters
         known = passage.by_plain_motions() if parameters.get("plain_motions", True) else None
         if known is not None:
             self.answered_by = "plain_motions"
-            if name not in IMPROVING or (cost.plain and len(known) == 2):
+            if not traits.improves or (cost.plain and len(known) == 2):
                 return known
         retracts = passage.offered and bool(parameters.get("retraction", True))
         if known is None and retracts:
             # Where there is room a small tree is the cheaper answer; it rarely is where every goal state is narrow.
-            if name in RENEWED:
+            if traits.begins_anew:
                 most = FIRST_TREE // 2 if passage.narrow else FIRST_TREE
                 found = self._by_planner(passage.starts, passage.source, leg, cost, most)
                 if found is not None:
@@ -239,7 +158,7 @@ class _Query:
             known = passage.by_retraction()
             if known is not None:
                 self.answered_by = "retraction"
-                if name not in IMPROVING:
+                if not traits.improves:
                     return known
         by_structure = self.answered_by
         goal = passage.goal if retracts and known is None else passage.source
@@ -280,12 +199,6 @@ class _Query:
         self.answered_by = "planner"
         return found
 
-    def _source(self, goal: Goal, number: int) -> GoalSource:
-        if goal.bending_n is not None:
-            row = self.space.row(goal.bending_n, goal.insertion_m, goal.roll_deg)
-            return ConfigurationGoal(self.checker, row)
-        return TipGoal(self.checker, goal, self.seed + 1000 * (number + 1))
-
     def _first_states(self, source: GoalSource) -> str:
         """Looks for goal states until there is one, the goal is known to be out of reach, or the time is over."""
         for attempt in itertools.count(1):
@@ -293,7 +206,7 @@ class _Query:
                 return ""
             source.search()
             problem = source.unreachable()
-            if problem and (attempt >= _FIRST_ROUNDS or isinstance(source, ConfigurationGoal)):
+            if problem and (attempt >= _FIRST_ROUNDS or source.exhausted()):
                 return problem
             if time.monotonic() >= self.deadline or (source.exhausted() and not source.rows):
                 return problem

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,14 +17,10 @@ from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import GoalSource
 from tdcr_planner.planning.interrupts import forget_frames, interrupts_kept
 from tdcr_planner.planning.objectives import PathCost
-from tdcr_planner.planning.offered import COMMON_PARAMETERS, FIRST_TREE, RENEWED, convert_parameter, planner_setters
+from tdcr_planner.planning.offered import COMMON_PARAMETERS, FIRST_TREE, OMPL_TRAITS, planner_setters
+from tdcr_planner.planning.planner import Progress, convert_parameter
 from tdcr_planner.planning.validity import ValidityChecker
 
-Progress = Callable[[float, str], None]
-
-# AORRTC calls it an error when its first path is the straight one, which it cannot improve.
-_CHATTY = frozenset({"AORRTC"})
-_SINGLE_SHOT = frozenset({"FMT", "BFMT"})
 _KEPT_SHARE = 0.2  # OMPL's default of the shortest part of a motion that KPIECE1 keeps
 _PROGRESS_PERIOD_S = 0.1
 _DEFAULT_RANGE = 0.1  # longest edge of a tree, in robot lengths of body motion
@@ -68,14 +63,14 @@ class PlannerRun:
         self._most = min(limits, default=0)
         self._scale = self.checker.motion_scale
         self._trees, self._tree = 0, FIRST_TREE
-        self._renewal = float(FIRST_TREE) if self.name in RENEWED else math.inf
+        self._traits = OMPL_TRAITS[self.name]
+        self._renewal = float(FIRST_TREE) if self._traits.begins_anew else math.inf
         while self.iterations >= self._renewal:
             self._next_tree(self._renewal)
         self._samples = 0
         self._over = False
-        # KPIECE1 keeps the valid part of a motion, which the binding gives it no way to ask about; see `edge_valid`.
         share = float(self.parameters.get("min_valid_path_fraction", _KEPT_SHARE))
-        self._halvings = int(-math.log2(min(max(share, 1e-3), 1.0))) if self.name == "KPIECE1" else 0
+        self._halvings = int(-math.log2(min(max(share, 1e-3), 1.0))) if self._traits.keeps_valid_part else 0
 
     def run(self, starts: FloatArray, goal: GoalSource, seed: int) -> FloatArray | None:
         """Returns the waypoints of a path, shape (k, dimension), or None.
@@ -86,7 +81,7 @@ class PlannerRun:
             seed: Seed of the planner's random numbers, above 0.
         """
         _seed(seed)
-        if self.name in _CHATTY:
+        if self._traits.chatty:
             ou.setLogLevel(ou.LOG_NONE)
         space = self._space()
         information = ob.SpaceInformation(space)
@@ -137,7 +132,7 @@ class PlannerRun:
 
     def _renew(self, planner: Any) -> bool:
         """Returns whether to search again from the start, with more samples or longer; not where a planner gave up."""
-        if self.name in _SINGLE_SHOT:
+        if self._traits.single_shot:
             self._samples = max(2 * self._samples, 2 * planner.getNumSamples())
             return not self._stop()
         if self.iterations < self._renewal:

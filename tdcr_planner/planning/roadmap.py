@@ -80,7 +80,7 @@ def conditions_of(scenario: Scenario, model: ShapeModel, facts: dict[str, Any] |
         scene=scene_facts(scenario) if facts is None else facts,
         model={
             "name": model.name,
-            "sha256": getattr(model, "sha256", None),
+            "sha256": model.sha256,
             "error_bound_m": np.asarray(model.error_bound).tolist(),
         },
         clearance_m=scenario.planner.clearance_m,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, fi
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.bounds import ANGLE_DEG, LOAD, PLACE_M, SEARCH_SEED, TIME_S
+from tdcr_planner.collision.roles import MESH_ROLES
 from tdcr_planner.errors import FormatError, InputError, UnknownNameError
 from tdcr_planner.files import (
     FileModel,
@@ -24,8 +26,10 @@ from tdcr_planner.files import (
     sha256_of_file,
 )
 from tdcr_planner.limits import snap
+from tdcr_planner.planning.goal_kinds import GOAL_KINDS, GoalKind
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
+from tdcr_planner.shape.registry import SHAPE_MODELS
 
 # A range of insertion this many times as long as the robot was most likely given in millimetres.
 LONGEST_TRAVEL = 20.0
@@ -55,7 +59,25 @@ def _check_rows(value: Any) -> Any:
 
 
 Bending = Annotated[tuple[tuple[Load, Load], ...], BeforeValidator(_check_rows)]
-Validity = Literal["learned", "reference", "constant_curvature"]
+
+
+def _check_one_of(name: str, known: Iterable[str]) -> str:
+    names = [repr(item) for item in known]
+    if repr(name) not in names:
+        raise ValueError(f"expected {', '.join(names[:-1])} or {names[-1]}, got {name!r}")
+    return name
+
+
+def _check_validity(name: str) -> str:
+    return _check_one_of(name, SHAPE_MODELS.names())
+
+
+def _check_role(name: str) -> str:
+    return _check_one_of(name, MESH_ROLES)
+
+
+Validity = Annotated[str, AfterValidator(_check_validity)]
+"""Name of a shape model that is registered."""
 
 
 def _check_direction(direction: Vector3 | None) -> Vector3 | None:
@@ -79,19 +101,20 @@ class MeshEntry(FileModel):
     Attributes:
         file: Path of the mesh, relative to the scenario file.
         unit: The mesh file's unit of length.
-        role: "cavity": the body stays inside; "obstacle": it stays outside of a closed mesh and off an open one.
+        role: Name in `MESH_ROLES`. "cavity": the body stays inside; "obstacle": it stays outside of a closed mesh and
+            off an open one.
         entry: For a cavity, the plane behind which the body may be outside; None for the base plane at insertion 0.
     """
 
     file: Annotated[str, Field(min_length=1)]
     unit: Literal["m", "cm", "mm", "in"]
-    role: Literal["cavity", "obstacle"]
+    role: Annotated[str, AfterValidator(_check_role)]
     entry: Entry | None = None
 
     @model_validator(mode="after")
     def _check_entry(self) -> MeshEntry:
-        if self.entry is not None and self.role != "cavity":
-            raise ValueError("entry belongs to a mesh of role 'cavity', this one is an 'obstacle'")
+        if self.entry is not None and not MESH_ROLES[self.role].keeps_inside:
+            raise ValueError(f"entry belongs to a mesh of role 'cavity', this one is an {self.role!r}")
         return self
 
 
@@ -161,20 +184,24 @@ class Goal(FileModel):
 
     @model_validator(mode="after")
     def _check_kind(self) -> Goal:
-        if (self.bending_n is None) == (self.tip_position_m is None):
-            raise ValueError("expected exactly one of bending_n and tip_position_m")
+        stated = {name for name, value in self if value is not None}
+        kinds = [kind for kind in GOAL_KINDS if kind.key in stated]
+        if len(kinds) != 1:
+            raise ValueError(f"expected exactly one of {' and '.join(kind.key for kind in GOAL_KINDS)}")
         given = self.model_fields_set
-        foreign = (
-            {"tip_tolerance_m", "view_direction", "view_tolerance_deg"}
-            if self.bending_n is not None
-            else {"insertion_m", "roll_deg"}
-        )
+        foreign = {key for kind in GOAL_KINDS for key in kind.other_keys} - kinds[0].other_keys
         if given & foreign:
-            kind = "a configuration (bending_n)" if self.bending_n is not None else "a tip position (tip_position_m)"
-            raise ValueError(f"{', '.join(sorted(given & foreign))} does not belong to a goal that is {kind}")
+            names = ", ".join(sorted(given & foreign))
+            raise ValueError(f"{names} does not belong to a goal that is {kinds[0].title}")
         if "view_tolerance_deg" in given and self.view_direction is None:
             raise ValueError("view_tolerance_deg needs a view_direction")
         return self
+
+    @property
+    def kind(self) -> GoalKind:
+        """What kind of goal it is."""
+        stated = {name for name, value in self if value is not None}
+        return next(kind for kind in GOAL_KINDS if kind.key in stated)
 
 
 class Objective(FileModel):
@@ -195,15 +222,15 @@ class PlannerSettings(FileModel):
     """How to search.
 
     Attributes:
-        name: Planner by its OMPL name.
+        name: Planner by its name in `planning.planners`.
         time_limit_s: Time for search, verification and repair together.
         seed: Seed of the search, above 0.
         step_m: No point of the body moves farther between two checked states; in a scenario that does not state it, a
             fifth of the robot's smallest disk radius.
         clearance_m: Distance kept from every surface on top of the model's error bound; in a scenario that does not
             state it, a twentieth of the robot's smallest disk radius.
-        validity: The shape model that the search asks.
-        parameters: The planner's own OMPL parameters by name.
+        validity: The shape model that the search asks, by its name in `shape.registry`.
+        parameters: The planner's own parameters by name.
         objective: What an optimising planner minimises.
     """
 
@@ -256,8 +283,9 @@ class ScenarioFile(FileModel):
             raise ValueError("expected either one [goal] or a list of [[goals]]")
         if self.goals is not None and not self.goals:
             raise ValueError("goals: expected one or more, got none")
-        if self.planner.validity == "learned" and self.shape_model is None:
-            raise ValueError("shape_model: missing, and planner.validity = 'learned' needs it")
+        validity = self.planner.validity
+        if self.shape_model is None and SHAPE_MODELS.find(validity).needs_file:
+            raise ValueError(f"shape_model: missing, and planner.validity = {validity!r} needs it")
         return self
 
 
@@ -345,6 +373,10 @@ def load_scenario(path: str | Path) -> Scenario:
     """
     file = real_path(path)
     content = parse_table(ScenarioFile, read_toml(path), path)
+    if ":" in content.planner.name:
+        # Importing a module runs it: who opens a scenario has not asked for that.
+        problem = f"expected a planner's name, got {content.planner.name!r}: module:function goes on the command line"
+        raise FormatError(path, problem, "planner.name")
     robot = load_robot(find_named_file(file.parent / content.robot, path, "robot"))
     scenario = Scenario(file, sha256_of_file(file), _sized_for(robot, content), robot)
     _check_against_robot(scenario)

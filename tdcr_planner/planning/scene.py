@@ -13,6 +13,7 @@ import numpy as np
 from tdcr_planner.collision.entrance import missed_by, obstruction
 from tdcr_planner.collision.mesh_files.registry import mesh_sha256
 from tdcr_planner.collision.meshes import SceneMesh, load_scene_mesh
+from tdcr_planner.collision.roles import find_role
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import sha256_of_file, sha256_of_json
 from tdcr_planner.planning.scenario import MeshEntry, Scenario
@@ -64,8 +65,8 @@ def _check_way_in(scenario: Scenario, mesh: SceneMesh, place: str) -> None:
 
 
 def entry_plane(scenario: Scenario, mesh: MeshEntry) -> tuple[Any, Any]:
-    """Returns point and normal of the plane through which the body enters a cavity; None twice for an obstacle."""
-    if mesh.role != "cavity":
+    """Returns point and normal of the plane through which the body enters a cavity; None twice for other roles."""
+    if not find_role(mesh.role).keeps_inside:
         return None, None
     if mesh.entry is not None:
         return np.asarray(mesh.entry.point_m), np.asarray(mesh.entry.normal)

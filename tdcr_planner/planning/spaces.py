@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdcr_planner.arrays import FloatArray
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.limits import snap
-from tdcr_planner.planning.scenario import Bending, Scenario
-from tdcr_planner.se3 import rotation_about_z
+from tdcr_planner.planning.scenario import Bending, Goal, Scenario, Start
+from tdcr_planner.se3 import rotation_about_z, transform_points
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,26 @@ class Actuation:
     tip_force: FloatArray
     base_positions: FloatArray
     base_rotations: FloatArray
+
+    def take(self, which: BoolArray | IntArray) -> Actuation:
+        """Returns the configurations of a mask or of indices."""
+        return Actuation(
+            self.tensions[which],
+            self.gravity[which],
+            self.tip_force[which],
+            self.base_positions[which],
+            self.base_rotations[which],
+        )
+
+    def in_world(self, positions: FloatArray, rotations: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns disk poses in the world frame: positions (n, d, 3), m, and world_from_disk (n, d, 3, 3).
+
+        Args:
+            positions: Shape (n, d, 3), m, base frame.
+            rotations: base_from_disk, shape (n, d, 3, 3).
+        """
+        placed = transform_points(self.base_rotations, self.base_positions, positions)
+        return placed, self.base_rotations[:, None] @ rotations
 
 
 class ConfigurationSpace:
@@ -113,6 +133,11 @@ class ConfigurationSpace:
         if self.has_roll:
             values.append(float(np.deg2rad(roll_deg)))
         return snap(values, self.lower, self.upper)
+
+    def row_of(self, state: Start | Goal) -> FloatArray:
+        """Returns the row, shape (dimension,), of a start or of a goal that is a configuration."""
+        assert state.bending_n is not None  # the caller has told the kinds of goal apart
+        return self.row(state.bending_n, state.insertion_m, state.roll_deg)
 
     def bending(self, rows: FloatArray) -> FloatArray:
         """Returns the bending vectors of rows (n, dimension), shape (n, segments, 2), N."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -12,47 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import BoolArray, FloatArray
-from tdcr_planner.limits import ROUNDING, at_most
-from tdcr_planner.planning.kernels import actuate, actuation_tables, gap_curvatures, to_world
+from tdcr_planner.limits import ROUNDING
+from tdcr_planner.planning.causes import CAUSES, Cause, Codes
+from tdcr_planner.planning.kernels import actuate, actuation_tables, to_world
 from tdcr_planner.planning.reasons import contact_reason
+from tdcr_planner.planning.robot_limits import RobotLimits
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.base import ShapeModel
-
-Codes = NDArray[np.int8]
-
-
-class Cause(StrEnum):
-    """Why a configuration or an edge is rejected. The first four stand in the order of the scene's verdict codes."""
-
-    OBSTACLE = "obstacle"
-    CAVITY = "cavity"
-    SELF_COLLISION = "self_collision"
-    NOT_FINITE = "nan"
-    TENSION_LIMIT = "tension_limit"
-    MODEL_DOMAIN = "model_domain"
-    NO_SHAPE = "statics"
-    TENDON_DISPLACEMENT = "tendon_displacement"
-    STRAIN = "strain"
-    RULED_OUT = "ruled_out"
-    EDGE = "edge"
-
-    @property
-    def code(self) -> int:
-        """The code of this cause in what `ValidityChecker.check` returns; 0 stands for a valid state."""
-        return _CODES[self]
-
-
-CAUSES = tuple(Cause)
-_CODES = {cause: index + 1 for index, cause in enumerate(CAUSES)}
 
 
 class Scene(Protocol):
     """What the search asks of a collision scene; see `tdcr_planner.collision.scene.CollisionScene`."""
 
     def check(self, positions: FloatArray, rotations: FloatArray) -> Any:
-        """Returns a verdict code a state, shape (n,): 0 free, else the place of a `Cause` plus 1."""
+        """Returns a verdict code a state, shape (n,): 0 free, else the code of a `Cause`."""
+        ...
+
+    def find_hit(self, positions: FloatArray, rotations: FloatArray) -> tuple[int, int]:
+        """Returns the first state that is not free, of n in order, and its verdict code; -1 and 0 where all are."""
         ...
 
     def first_contact(self, positions: FloatArray, rotations: FloatArray) -> Any:
@@ -115,10 +93,10 @@ class ValidityChecker:
         self._tables = actuation_tables(space, ROUNDING * self.robot.max_tensions)
         self._limits = RobotLimits(self.robot)
         self._always_in_domain = self._domain_holds_everywhere()
-        self._disk_poses = getattr(model, "disk_poses_unchecked", None) or _checked_poses(model)
+        self._disk_poses = model.disk_poses_unchecked
 
     def check(self, rows: FloatArray) -> Codes:
-        """Returns a code a row: 0 for valid, else that of the `Cause` (its place in `CAUSES` plus 1).
+        """Returns a code a row: 0 for valid, else that of the `Cause`.
 
         Args:
             rows: Configurations, shape (n, dimension).
@@ -254,11 +232,11 @@ class ValidityChecker:
     def _domain_holds_everywhere(self) -> bool:
         """Returns whether every row within the tension limits is inside the model's domain, told once.
 
-        The domain of a model with a card is a box of tensions from 0 and a ball for each load. Roll turns the loads
-        and keeps their size, so the corner of largest tensions, under the loads as they are, stands for all rows. Rows
-        beyond the tension limits are rejected before.
+        Where the domain is a box of tensions from 0 and a ball for each load, the corner of largest tensions, under
+        the loads as they are, stands for all rows: roll turns the loads and keeps their size. Rows beyond the tension
+        limits are rejected before.
         """
-        if not hasattr(self.model, "card"):
+        if not self.model.domain_is_box:
             return False
         *_, gravity, tip_force = self.space.world
         corner = self.robot.max_tensions[None]
@@ -276,14 +254,7 @@ class ValidityChecker:
         disks = self.robot.disk_count
         shapes = Shapes(codes, np.full((len(codes), disks, 3), np.nan), np.full((len(codes), disks, 3, 3), np.nan))
         if len(alive):
-            part = Actuation(
-                actuation.tensions[alive],
-                actuation.gravity[alive],
-                actuation.tip_force[alive],
-                actuation.base_positions[alive],
-                actuation.base_rotations[alive],
-            )
-            posed = self._pose_all(part, np.zeros(len(alive), dtype=np.int8))
+            posed = self._pose_all(actuation.take(alive), np.zeros(len(alive), dtype=np.int8))
             shapes.codes[alive] = posed.codes
             shapes.positions[alive] = posed.positions
             shapes.rotations[alive] = posed.rotations
@@ -299,90 +270,6 @@ class ValidityChecker:
         if not poses.solved.all():
             codes[~poses.solved] = Cause.NO_SHAPE.code
         return Shapes(codes, positions, rotations)
-
-
-class RobotLimits:
-    """The limits that depend on the shape: tendon displacement and backbone strain."""
-
-    def __init__(self, robot: RobotSpec) -> None:
-        """Collects a robot's limits."""
-        self._spacing = np.diff(robot.arc_lengths)
-        self._displacement = np.array(
-            [
-                np.inf if segment.max_tendon_displacement_m is None else segment.max_tendon_displacement_m
-                for segment in (robot.segments[index] for index in robot.tendon_segments)
-            ]
-        )
-        backbones = [robot.segment_backbones[index] for index in robot.disk_segments[1:]]
-        self._radii = np.array([rod.radius_m for rod in backbones])
-        self._max_strain = np.array([np.inf if rod.max_strain is None else rod.max_strain for rod in backbones])
-        self._rest_curvature = np.array([rod.rest_curvature_1_m for rod in backbones])
-        self._offsets = robot.tendon_offsets
-        present = robot.tendon_segments[:, None] >= robot.disk_segments[None, 1:]
-        self._present = present * self._spacing
-        stretch = [robot.segments[index].tendon_axial_stiffness_n for index in robot.tendon_segments]
-        self._tendon_compliance = np.array(
-            [
-                0.0 if stiffness is None else robot.segment_ends[index] / stiffness
-                for stiffness, index in zip(stretch, robot.tendon_segments, strict=True)
-            ]
-        )
-        self._axial_compliance = np.array([1.0 / rod.stiffness_shear_extension[2] for rod in backbones])
-        self.any = bool(np.isfinite(self._displacement).any() or np.isfinite(self._max_strain).any())
-
-    def tendon_displacements(self, tensions: FloatArray, rotations: FloatArray) -> FloatArray:
-        """Returns how far each tendon is pulled out at the base against the unloaded robot at rest.
-
-        A tendon at constant offset r from a backbone of curvature u and axial strain e has the length
-        integral of 1 + e + (u x r)_z (Rucker and Webster 2011, tendon kinematics, to first order in the angle between
-        tendon and backbone); u is the mean between disks, e the tendons' compression, and the tendon's own stretch
-        adds. At rest u is the backbone's u*, so that u - u* is what displaces.
-
-        Args:
-            tensions: Shape (n, t), N.
-            rotations: Shape (n, d, 3, 3), any frame.
-
-        Returns:
-            Shape (n, t), m.
-        """
-        curvature = gap_curvatures(rotations, self._spacing) - self._rest_curvature
-        along_x = curvature[:, :, 0] @ self._present.T
-        along_y = curvature[:, :, 1] @ self._present.T
-        bent = along_y * self._offsets[:, 0] - along_x * self._offsets[:, 1]
-        present = self._present > 0.0
-        strain = (tensions @ present) * self._axial_compliance
-        return np.asarray(bent + strain @ self._present.T + tensions * self._tendon_compliance)
-
-    def bending_strain(self, rotations: FloatArray) -> FloatArray:
-        """Returns the backbone's bending strain between disks, radius x |u - u*|, shape (n, d - 1), dimensionless.
-
-        Args:
-            rotations: Shape (n, d, 3, 3), any frame.
-        """
-        bending = gap_curvatures(rotations, self._spacing)[:, :, :2] - self._rest_curvature[:, :2]
-        return np.asarray(self._radii * np.linalg.norm(bending, axis=2))
-
-    def check(self, tensions: FloatArray, rotations: FloatArray) -> Codes:
-        """Returns 0 or the code of the limit that is broken, shape (n,)."""
-        codes = np.zeros(len(tensions), dtype=np.int8)
-        kept = at_most(self.bending_strain(rotations), self._max_strain).all(axis=1)
-        codes[~kept] = Cause.STRAIN.code
-        kept = at_most(np.abs(self.tendon_displacements(tensions, rotations)), self._displacement).all(axis=1)
-        codes[~kept] = Cause.TENDON_DISPLACEMENT.code
-        return codes
-
-    @staticmethod
-    def explain(cause: Cause, robot: RobotSpec, tensions: FloatArray) -> str:
-        """Returns a sentence on a limit that is broken."""
-        if cause is Cause.TENSION_LIMIT:
-            worst = int(np.argmax(tensions - robot.max_tensions))
-            limit = robot.max_tensions[worst]
-            return f"{cause.value}: tendon {worst + 1} needs {tensions[worst]:.3g} N of at most {limit:.3g} N"
-        if cause is Cause.TENDON_DISPLACEMENT:
-            return f"{cause.value}: a tendon moves by more than max_tendon_displacement_m from where it is at rest"
-        if cause is Cause.STRAIN:
-            return f"{cause.value}: the backbone is bent from its rest curvature by more than max_strain"
-        return cause.value
 
 
 def motion_scale(checker: ValidityChecker, samples: int = 24, seed: int = 0) -> FloatArray:
@@ -418,10 +305,3 @@ def sample_within_tensions(checker: ValidityChecker, count: int, generator: np.r
 def rejections(counts: dict[Cause, int] | Iterable[tuple[Cause, int]]) -> dict[str, int]:
     """Returns the counts by cause as plain names, without the zeros."""
     return {cause.value: count for cause, count in dict(counts).items() if count}
-
-
-def _checked_poses(model: ShapeModel) -> Any:
-    def disk_poses(tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> Any:
-        return model.disk_poses(tensions, gravity=gravity, tip_force=tip_force)
-
-    return disk_poses

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -13,31 +14,25 @@ from matplotlib.ticker import FuncFormatter
 from tdcr_planner.compare.comparison import Comparison
 from tdcr_planner.compare.confusion import EXCESS_EDGES, agreement_by_clearance
 from tdcr_planner.compare.paths import path_rates
-from tdcr_planner.compare.verdicts import MODELS, VARIANTS
+from tdcr_planner.compare.verdicts import Variant
 from tdcr_planner.rates import Rate
 from tdcr_planner.report import plots
 from tdcr_planner.report.drawing import Drawing
+from tdcr_planner.shape.registry import SHAPE_MODELS
 
 _DPI = 120
-_LABELS = {
-    "learned": "learned, with its error bound",
-    "learned_without_bound": "learned, without the bound",
-    "constant_curvature": "constant curvature",
-    "learned_as_planned": "learned, as planned",
-    "constant_curvature_as_planned": "constant curvature, as planned",
-    "reference": "reference",
-}
-_COLOURS = {
-    "learned": plots.PALETTE["blue"],
-    "learned_without_bound": plots.PALETTE["sky"],
-    "constant_curvature": plots.PALETTE["vermilion"],
-    "learned_as_planned": plots.PALETTE["blue"],
-    "constant_curvature_as_planned": plots.PALETTE["vermilion"],
-    "reference": plots.INK,
-}
 _SHOWN_DOTS = 20_000
-_MARKERS = {"learned": "o", "learned_without_bound": "s", "constant_curvature": "D"}
 _DODGE = 0.22
+
+
+def _label(variant: Variant) -> str:
+    kind = SHAPE_MODELS.find(variant.model)
+    margin = ", with its error bound" if variant.with_bound else ", without the bound"
+    return kind.label() + (", as planned" if variant.with_half_step else margin if kind.has_error_bound else "")
+
+
+def _colour(variant: Variant) -> str:
+    return SHAPE_MODELS.find(variant.model).colour if variant.with_bound else plots.PALETTE["sky"]
 
 
 def compare_drawings(comparison: Comparison) -> dict[str, Drawing]:
@@ -52,31 +47,32 @@ def draw_rates(comparison: Comparison) -> Figure:
     """Returns a figure of the shares of false-valid and false-invalid states, with 95 % intervals, on a log scale."""
     figure = plots.new_figure(1300, 420, _DPI)
     left, right = figure.subplots(1, 2, sharey=True)
-    names = [variant.name for variant in VARIANTS]
+    variants = comparison.verdicts.variants
     for axes, kind, title in (
         (left, "false_valid", "False valid: a collision that the model misses"),
         (right, "false_invalid", "False invalid: room that caution costs"),
     ):
-        rates = [comparison.confusion(variant).rates[kind] for variant in VARIANTS]
-        _draw_rates(axes, names, rates)
+        rates = [comparison.confusion(variant).rates[kind] for variant in variants]
+        _draw_rates(axes, variants, rates)
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(FuncFormatter(_plain_number))
         axes.set_xlim(0.3 * 100.0 / len(comparison.verdicts.rows), 100.0)
         axes.set_title(title)
         axes.set_xlabel(f"of {len(comparison.verdicts.rows):,} states (%), line: 95 % interval")
-    left.set_yticks(range(len(names)), [_LABELS[name] for name in names])
+    left.set_yticks(range(len(variants)), [_label(variant) for variant in variants])
     left.invert_yaxis()
     figure.tight_layout()
     return figure
 
 
-def _draw_rates(axes: Axes, names: list[str], rates: list[Rate]) -> None:
+def _draw_rates(axes: Axes, variants: Sequence[Variant], rates: list[Rate]) -> None:
     floor = 1e-9
-    for place, (name, rate) in enumerate(zip(names, rates, strict=True)):
+    for place, (variant, rate) in enumerate(zip(variants, rates, strict=True)):
+        colour = _colour(variant)
         line = np.maximum([100.0 * rate.low, 100.0 * rate.high], floor)
-        axes.plot(line, [place, place], color=_COLOURS[name], linewidth=2.5)
+        axes.plot(line, [place, place], color=colour, linewidth=2.5)
         if rate.count:
-            axes.plot(100.0 * rate.value, place, "o", color=_COLOURS[name], markersize=8)
+            axes.plot(100.0 * rate.value, place, "o", color=colour, markersize=8)
         text = f"{rate.count}" if rate.count else "none"
         axes.annotate(text, (line[1], place), xytext=(8, 0), textcoords="offset points", va="center", fontsize=9.0)
 
@@ -86,7 +82,7 @@ def draw_agreement(comparison: Comparison) -> Figure:
     figure = plots.new_figure(1200, 620, _DPI)
     axes = figure.subplots()
     verdicts, counts = comparison.verdicts, np.zeros(len(EXCESS_EDGES) - 1, dtype=np.int64)
-    shown = [variant for variant in VARIANTS if not variant.with_half_step]
+    shown = [variant for variant in verdicts.variants if not variant.with_half_step]
     for number, variant in enumerate(shown):
         bins = agreement_by_clearance(
             verdicts.valid(variant),
@@ -103,11 +99,11 @@ def draw_agreement(comparison: Comparison) -> Figure:
             place + (number - 0.5 * (len(shown) - 1)) * _DODGE,
             share,
             yerr=(share - low, high - share),
-            fmt=_MARKERS[variant.name],
-            color=_COLOURS[variant.name],
+            fmt=SHAPE_MODELS.find(variant.model).marker if variant.with_bound else "s",
+            color=_colour(variant),
             markersize=5.5,
             elinewidth=1.4,
-            label=_LABELS[variant.name],
+            label=_label(variant),
         )
     labels = [
         f"{_bin_label(*ends)}\n{count:,}" for ends, count in zip(itertools.pairwise(EXCESS_EDGES), counts, strict=True)
@@ -150,9 +146,9 @@ def draw_deviation(comparison: Comparison) -> Figure:
     figure = plots.new_figure(1300, 660, _DPI)
     shown = np.zeros(len(verdicts.rows), dtype=np.bool_)
     shown[:_SHOWN_DOTS] = True
-    all_axes = figure.subplots(1, 2, sharex=True, sharey=True)
-    for axes, name in zip(all_axes, MODELS, strict=True):
-        variant = next(variant for variant in VARIANTS if variant.name == name)
+    all_axes = figure.subplots(1, len(verdicts.models), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, name in zip(all_axes, verdicts.models, strict=True):
+        variant = next(variant for variant in verdicts.variants if variant.name == name)
         valid, truth = verdicts.valid(variant), verdicts.reference_valid
         deviation = 1e3 * verdicts.deviation_of(name)
         x, y = 1e3 * (verdicts.clearance - asked), np.maximum(deviation, 1e-4)
@@ -170,7 +166,7 @@ def draw_deviation(comparison: Comparison) -> Figure:
         axes.axvline(0.0, color=plots.INK, linewidth=0.8)
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(FuncFormatter(_plain_number))
-        axes.set_title(_LABELS[name])
+        axes.set_title(_label(variant))
         axes.set_xlabel("clearance under the reference, from the clearance asked (mm)")
         legend = axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.12), handletextpad=0.1)
         for dots in legend.legend_handles:
@@ -190,7 +186,7 @@ def draw_times(comparison: Comparison) -> Figure:
     axes = figure.subplots()
     slowest = max(item.check_us for item in comparison.times)
     for place, item in enumerate(comparison.times):
-        colour = _COLOURS[item.model]
+        colour = SHAPE_MODELS.find(item.model).colour
         axes.barh(place, item.check_us, 0.6, color=colour, alpha=0.35)
         axes.barh(place, min(item.shape_us, item.check_us), 0.6, color=colour)
         ratio = slowest / item.check_us
@@ -203,7 +199,7 @@ def draw_times(comparison: Comparison) -> Figure:
             va="center",
             fontsize=9.0,
         )
-    axes.set_yticks(range(len(comparison.times)), [item.model.replace("_", " ") for item in comparison.times])
+    axes.set_yticks(range(len(comparison.times)), [SHAPE_MODELS.find(item.model).label() for item in comparison.times])
     axes.invert_yaxis()
     axes.set_xlim(0.0, 1.7 * slowest)
     axes.set_xlabel(f"µs a state, {comparison.times[0].batch:,} states a call; dark: the shape alone")
@@ -222,13 +218,16 @@ def draw_paths(comparison: Comparison) -> Figure:
         ("verified_at_once", "first path verified, of those found"),
         ("verified", "verified in the end, of all queries"),
     )
-    for offset, rates in zip((-0.2, 0.2), path_rates(comparison.paths, MODELS), strict=True):
+    models = comparison.verdicts.models
+    height = 0.8 / len(models)
+    for number, rates in enumerate(path_rates(comparison.paths, models)):
+        offset, model = (number - 0.5 * (len(models) - 1)) * height, SHAPE_MODELS.find(rates.model)
         for place, (name, _) in enumerate(kinds):
             rate: Rate = getattr(rates, name)
-            label = rates.model.replace("_", " ") if place == 0 else None
-            value, colour = 100.0 * rate.value if rate.total else 0.0, _COLOURS[rates.model]
-            axes.barh(place + offset, 100.0, 0.34, color=plots.GRID, alpha=0.5)
-            axes.barh(place + offset, value, 0.34, color=colour, alpha=0.45, label=label)
+            label = model.label() if place == 0 else None
+            value, colour = 100.0 * rate.value if rate.total else 0.0, model.colour
+            axes.barh(place + offset, 100.0, 0.85 * height, color=plots.GRID, alpha=0.5)
+            axes.barh(place + offset, value, 0.85 * height, color=colour, alpha=0.45, label=label)
             axes.plot([100.0 * rate.low, 100.0 * rate.high], [place + offset] * 2, color=colour, linewidth=2.5)
             text = f"{rate.count} of {rate.total}" if rate.total else "none found"
             axes.annotate(

@@ -13,17 +13,17 @@ from pydantic import ConfigDict
 from tdcr_planner.compare.comparison import Comparison
 from tdcr_planner.compare.confusion import agreement_by_clearance
 from tdcr_planner.compare.paths import path_rates
-from tdcr_planner.compare.verdicts import MODELS, REFERENCE_VERDICTS, VARIANTS, Variant
+from tdcr_planner.compare.verdicts import REFERENCE_VERDICTS, Variant
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import FileModel, parse_table, read_json, write_folder_whole
-from tdcr_planner.planning.validity import CAUSES
+from tdcr_planner.planning.causes import CAUSES
+from tdcr_planner.query.result import library_versions
 from tdcr_planner.rates import quantiles, ratio_at_least
 from tdcr_planner.report.compare_plots import compare_drawings
 from tdcr_planner.report.disagreement import disagreement_drawings
 from tdcr_planner.report.drawing import draw_pictures
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.tables import Row, write_csv
-from tdcr_planner.session import library_versions
 
 COMPARE_FORMAT = "tdcr-compare/1"
 
@@ -107,7 +107,7 @@ class _EarlierFile(FileModel):
 def comparison_content(comparison: Comparison) -> dict[str, Any]:
     """Returns the content of compare.json."""
     scenario, verdicts = comparison.scenario, comparison.verdicts
-    rates = {variant.name: comparison.confusion(variant).rates for variant in VARIANTS}
+    rates = {variant.name: comparison.confusion(variant).rates for variant in verdicts.variants}
     causes = np.bincount(verdicts.reference, minlength=len(REFERENCE_VERDICTS))
     return {
         "format": COMPARE_FORMAT,
@@ -132,11 +132,15 @@ def comparison_content(comparison: Comparison) -> dict[str, Any]:
                 "missing_clearance_m": _missing_clearance(comparison, variant),
                 "agreement_by_clearance": [asdict(part) for part in _bins(comparison, variant)],
             }
-            for variant in VARIANTS
+            for variant in verdicts.variants
         },
         "false_valid_ratio": {
-            name: _ratio(rates[f"constant_curvature{suffix}"]["false_valid"], rates[f"learned{suffix}"]["false_valid"])
+            name: _ratio(
+                rates[f"{verdicts.models[1]}{suffix}"]["false_valid"],
+                rates[f"{verdicts.models[0]}{suffix}"]["false_valid"],
+            )
             for name, suffix in (("states", ""), ("as_planned", "_as_planned"))
+            if len(verdicts.models) > 1
         },
         "times": [asdict(time) for time in comparison.times],
         "paths": [
@@ -146,7 +150,7 @@ def comparison_content(comparison: Comparison) -> dict[str, Any]:
                 "verified_at_once_of_found": rate.verified_at_once.as_dict(),
                 "verified": rate.verified.as_dict(),
             }
-            for rate in (path_rates(comparison.paths, MODELS) if comparison.paths else ())
+            for rate in (path_rates(comparison.paths, verdicts.models) if comparison.paths else ())
         ],
         "disagreements": [
             {
@@ -198,7 +202,7 @@ def _bins(comparison: Comparison, variant: Variant) -> Any:
 def verdict_rows(comparison: Comparison) -> list[Row]:
     """Returns a row a variant: confusion matrix, each rate with its interval, deviations and missing clearance."""
     rows = []
-    for variant in VARIANTS:
+    for variant in comparison.verdicts.variants:
         confusion = comparison.confusion(variant)
         row: Row = {"variant": variant.name, "states": confusion.total, **asdict(confusion)}
         for name, rate in confusion.rates.items():
@@ -223,7 +227,7 @@ def agreement_rows(comparison: Comparison) -> list[Row]:
             "agreement_low": part.agreement.low,
             "agreement_high": part.agreement.high,
         }
-        for variant in VARIANTS
+        for variant in comparison.verdicts.variants
         for part in _bins(comparison, variant)
     ]
 
@@ -233,7 +237,7 @@ def state_rows(comparison: Comparison) -> list[Row]:
     verdicts = comparison.verdicts
     names = coordinate_names(comparison)
     words = ["valid", *(cause.value for cause in CAUSES)]
-    deviations = {f"deviation_{model}_m": verdicts.deviation_of(model).tolist() for model in MODELS}
+    deviations = {f"deviation_{model}_m": verdicts.deviation_of(model).tolist() for model in verdicts.models}
     rows = []
     for state, (row, reference, clearance) in enumerate(
         zip(verdicts.rows.tolist(), verdicts.reference.tolist(), verdicts.clearance.tolist(), strict=True)
@@ -245,7 +249,9 @@ def state_rows(comparison: Comparison) -> list[Row]:
                 "reference": REFERENCE_VERDICTS[reference],
                 "clearance_m": clearance,
                 **{name: values[state] for name, values in deviations.items()},
-                **{variant.name: words[verdicts.codes[state, place]] for place, variant in enumerate(VARIANTS)},
+                **{
+                    variant.name: words[verdicts.codes[state, place]] for place, variant in enumerate(verdicts.variants)
+                },
             }
         )
     return rows

@@ -17,6 +17,7 @@ from trimesh.visual.material import PBRMaterial
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.collision.body import Kind
+from tdcr_planner.collision.roles import find_role
 from tdcr_planner.report import plots
 from tdcr_planner.report.body_mesh import solid_ends
 from tdcr_planner.report.picture import Picture
@@ -55,7 +56,7 @@ def write_glb(picture: Picture, file: str | Path) -> None:
     """
     scene = trimesh.Scene()
     for number, mesh in enumerate(picture.meshes):
-        colour = (0.76, 0.82, 0.86) if mesh.role == "cavity" else (0.79, 0.75, 0.70)
+        colour = to_rgb(find_role(mesh.role).wall.export)
         _add(scene, f"{number + 1} {plain_text(mesh.name)}", (mesh.vertices, mesh.faces), colour, 0.3)
     for number, goal in enumerate(picture.goals):
         ball = trimesh.creation.icosphere(subdivisions=3, radius=max(goal.tolerance, 1e-3))

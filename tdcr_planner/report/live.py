@@ -15,9 +15,11 @@ from matplotlib.colors import to_rgb
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.collision.body import RobotBody
+from tdcr_planner.collision.roles import find_role
 from tdcr_planner.collision.scene import Contact
 from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Validity
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.report import plots
 from tdcr_planner.report.body_mesh import part_mesh, shaft_mesh, sleeve_mesh
 from tdcr_planner.report.live_scene import Controls, LiveScene, Look, describe
@@ -34,12 +36,9 @@ from tdcr_planner.report.scene_guides import AXIS_COLOURS, GRAVITY_COLOUR, base_
 from tdcr_planner.report.tendon_style import tendon_colour
 from tdcr_planner.report.text import SHORT, page_text, plain_text
 from tdcr_planner.report.viewpoint import choose_camera
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.shape.registry import SHAPE_MODELS
 
 NEAR = "#E69F00"
-_GHOSTS: dict[Validity, str] = {"learned": plots.LEARNED, "reference": plots.MUTED, "constant_curvature": "#E69F00"}
-# Darker than in the other pictures: viser lights a scene brightly, and what is pale turns white.
-_WALLS = {"cavity": ((62, 92, 122), 0.38), "obstacle": ((112, 92, 66), 0.55)}
 _BACKGROUND = (214, 221, 229)
 _NOTE_PX = 196
 LARGEST_PORT = 65535
@@ -260,13 +259,13 @@ class LiveViewer:
         view = self._server.initial_camera
         view.up, view.look_at, view.position = camera.rotation[1], centre, centre + 0.75 * height * camera.rotation[2]
         for number, mesh in enumerate(picture.meshes):
-            colour, opacity = _WALLS[mesh.role]
+            wall = find_role(mesh.role).wall
             self._server.scene.add_mesh_simple(
                 f"/scene/{number}",
                 mesh.vertices.astype(np.float32),
                 mesh.faces.astype(np.uint32),
-                color=colour,
-                opacity=opacity,
+                color=_rgb(wall.live),
+                opacity=wall.live_opacity,
                 side="double",
             )
         self._draw_guides(picture)
@@ -357,7 +356,7 @@ class LiveViewer:
                 continue
             line = backbone_curve(positions, rotations, robot.arc_lengths)
             mesh = merge_meshes([disk_mesh(robot, positions, rotations), tube_mesh(line, robot.backbone.radius_m)])
-            self._put(node, mesh, _GHOSTS[name], opacity=0.45)
+            self._put(node, mesh, SHAPE_MODELS.find(name).colour, opacity=0.45)
             apart = 1e3 * float(np.linalg.norm(positions[-1] - look.positions[-1]))
             if np.isfinite(apart):
                 lines.append(f"tip of the {_words(name)} shape {_length(apart)} away")

@@ -9,13 +9,14 @@ import numpy as np
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.collision.scene import CollisionScene, Contact, Verdict
 from tdcr_planner.errors import DomainError
+from tdcr_planner.planning.causes import CAUSES
+from tdcr_planner.planning.robot_limits import RobotLimits
 from tdcr_planner.planning.scenario import Validity
-from tdcr_planner.planning.validity import CAUSES, RobotLimits, planning_margins
-from tdcr_planner.se3 import transform_points
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.planning.validity import planning_margins
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.shape.base import ShapeModel
+from tdcr_planner.shape.registry import SHAPE_MODELS
 
-MODELS: tuple[Validity, ...] = ("learned", "reference", "constant_curvature")
 _NAMED_CONTACTS = 6
 
 
@@ -79,8 +80,8 @@ class LiveScene:
         """Prepares the scene; a shape model is loaded at its first use."""
         self.session = session
         self.robot = session.scenario.robot
-        has_model = session.scenario.shape_model_path is not None
-        self.models = MODELS if has_model else MODELS[1:]
+        has_file = session.scenario.shape_model_path is not None
+        self.models = tuple(name for name, kind in SHAPE_MODELS.usable() if has_file or not kind.needs_file)
         self._limits = RobotLimits(self.robot)
         self._bare = session.scene.with_margins(np.zeros(self.robot.disk_count))
         self._grown: dict[Validity, CollisionScene] = {}
@@ -137,8 +138,8 @@ class LiveScene:
             return *unknown, f"outside of the {name.replace('_', ' ')} model's domain: {error}"
         if not poses.solved[0]:
             return *unknown, f"the {name.replace('_', ' ')} model finds no shape for these tensions and loads"
-        positions = transform_points(actuation.base_rotations, actuation.base_positions, poses.positions)
-        return positions[0], actuation.base_rotations[0] @ poses.rotations[0], ""
+        positions, rotations = actuation.in_world(poses.positions, poses.rotations)
+        return positions[0], rotations[0], ""
 
     def _grown_scene(self, name: Validity, model: ShapeModel) -> CollisionScene:
         if name not in self._grown:

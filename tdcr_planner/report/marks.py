@@ -16,7 +16,7 @@ from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.report.reference_poses import reference_shapes
 
 if TYPE_CHECKING:
-    from tdcr_planner.result import PlanResult
+    from tdcr_planner.query.result import PlanResult
 
 _NUMBER = r"(-?[\d.]+(?:e[+-]?\d+)?)"
 # What `str` of a contact says: the part or parts, what they do, and where.
@@ -118,6 +118,6 @@ def goal_marks(scenario: Scenario, contacts: Sequence[Mark] = ()) -> tuple[Mark,
         if goal.bending_n is None:
             continue
         label = "goal configuration" if len(scenario.goals) == 1 else f"configuration of goal {number}"
-        row = space.row(goal.bending_n, goal.insertion_m, goal.roll_deg)
+        row = space.row_of(goal)
         marks.append(configuration_mark(scenario, row, label, part))
     return tuple(marks)

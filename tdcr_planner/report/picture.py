@@ -23,7 +23,7 @@ from tdcr_planner.report.reference_poses import reference_shapes
 from tdcr_planner.robot import RobotSpec
 
 if TYPE_CHECKING:
-    from tdcr_planner.session import PlanResult
+    from tdcr_planner.query.result import PlanResult
 
 _log = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ class DisplayMesh:
 
     Attributes:
         name: What the file is called.
-        role: "cavity" or "obstacle".
+        role: Name in `MESH_ROLES`.
         vertices: Shape (v, 3), m, world frame.
         faces: Shape (f, 3).
     """
@@ -212,7 +212,7 @@ def gather_scenario_picture(scenario: Scenario, status: str = "scenario", messag
     """Returns what a picture of a scenario shows: the scene, the robot in its start state, and the goals."""
     space = ConfigurationSpace(scenario)
     start = scenario.file.start
-    row = space.row(start.bending_n, start.insertion_m, start.roll_deg)[None]
+    row = space.row_of(start)[None]
     positions, rotations = reference_shapes(scenario, row)
     unknown = np.full(1, np.nan)
     return Picture(
@@ -248,11 +248,11 @@ def with_start_checked(picture: Picture) -> Picture:
         FormatError: A mesh or the shape model cannot be used.
         DomainError: The shape model does not know the scenario's loads.
     """
-    from tdcr_planner.session import PlanningSession
+    from tdcr_planner.query.session import PlanningSession
 
     session = PlanningSession(picture.scenario)
     checker, start = session.checker(), picture.scenario.file.start
-    row = session.space.row(start.bending_n, start.insertion_m, start.roll_deg)
+    row = session.space.row_of(start)
     model_positions, _, solved = checker.world_poses(row[None])
     clearance = np.full(1, np.nan)
     if picture.known.all():
@@ -304,7 +304,7 @@ def _goal_marks(scenario: Scenario) -> tuple[GoalMark, ...]:
                 direction = np.asarray(goal.view_direction) / np.linalg.norm(goal.view_direction)
             marks.append(GoalMark(np.asarray(goal.tip_position_m), goal.tip_tolerance_m, direction))
         elif goal.bending_n is not None:
-            row = space.row(goal.bending_n, goal.insertion_m, goal.roll_deg)[None]
+            row = space.row_of(goal)[None]
             positions, _ = reference_shapes(scenario, row)
             if np.isfinite(positions).all():
                 marks.append(GoalMark(positions[0, -1], 0.0, None))

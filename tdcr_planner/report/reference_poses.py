@@ -7,7 +7,6 @@ import numpy as np
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
-from tdcr_planner.se3 import transform_points
 
 
 def reference_shapes(scenario: Scenario, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -26,8 +25,7 @@ def reference_shapes(scenario: Scenario, rows: FloatArray) -> tuple[FloatArray, 
     poses = ReferenceShape(scenario.robot).disk_poses(
         actuation.tensions, gravity=actuation.gravity, tip_force=actuation.tip_force
     )
-    positions = transform_points(actuation.base_rotations, actuation.base_positions, poses.positions)
-    rotations = actuation.base_rotations[:, None] @ poses.rotations
+    positions, rotations = actuation.in_world(poses.positions, poses.rotations)
     positions[~poses.solved] = np.nan
     rotations[~poses.solved] = np.nan
     return positions, rotations

@@ -29,10 +29,10 @@ from tdcr_planner.files import (
 )
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import PlannerSettings, Scenario, load_scenario
+from tdcr_planner.query.result import PlanResult, PlanStatus
+from tdcr_planner.query.verification_report import VerificationReport
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.state_files import MOST_STATES, read_shapes, write_shapes, write_trajectory_csv
-from tdcr_planner.session import PlanResult, PlanStatus
-from tdcr_planner.verification import VerificationReport
 
 if TYPE_CHECKING:
     from tdcr_planner.report.marks import Mark

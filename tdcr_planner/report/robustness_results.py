@@ -11,12 +11,12 @@ from matplotlib.axes import Axes
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.files import write_folder_whole
+from tdcr_planner.query.result import PlanResult, library_versions
 from tdcr_planner.rates import quantiles
 from tdcr_planner.report.drawing import draw_pictures
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.plots import ALERT, INK, MUTED, PALETTE, new_figure, plot_style, save_figure
 from tdcr_planner.robustness import Robustness, Spread
-from tdcr_planner.session import PlanResult, library_versions
 
 ROBUSTNESS_FORMAT = "tdcr-robustness/1"
 TOLERANCE_NAMES = {

@@ -8,6 +8,7 @@ import numpy as np
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.collision.body import Kind
+from tdcr_planner.collision.roles import find_role
 from tdcr_planner.report import plots
 from tdcr_planner.report.body_mesh import has_solids, part_mesh, shaft_mesh, sleeve_mesh
 from tdcr_planner.report.legend import legend_entry, tendon_entry
@@ -35,8 +36,6 @@ _CROSS = 2.5
 _VIEW_ARROW = 0.15
 _VIEW_HEIGHT_PX = 700
 _SCENE_WIDTH = 0.63
-_WALL_SHADES = {"cavity": ("#5E7891", "#D5E2EE"), "obstacle": ("#7B6A56", "#E9E1D6")}
-_WALL_OPACITY = {"cavity": 0.30, "obstacle": 0.55}
 _DISK_SHADES = ("#0F4C81", "#4C9AD6")
 
 
@@ -73,21 +72,20 @@ def _wall_traces(picture: Picture, camera: Camera) -> list[Trace]:
     for mesh in picture.meshes:
         share = max(500, int(MAX_WALL_FACES * len(mesh.faces) / max(total, 1)))
         vertices, faces = simplify_mesh(mesh.vertices, mesh.faces, share)
-        smooth = mesh.role == "cavity"
+        wall = find_role(mesh.role).wall
+        smooth = wall.smooth
         lit = np.abs(_normals(vertices, faces, smooth=smooth) @ light)
         traces.append(
             {
                 "type": "mesh3d",
                 **_xyz(vertices),
                 **_ijk(faces),
-                **_shades(lit, *_WALL_SHADES[mesh.role]),
+                **_shades(lit, *wall.shades),
                 "intensitymode": "vertex" if smooth else "cell",
-                "opacity": _WALL_OPACITY[mesh.role],
+                "opacity": wall.opacity,
                 "hoverinfo": "none",
                 "name": f"{plotly_text(mesh.name)} ({mesh.role})",
-                "meta": legend_entry(
-                    f"{plain_text(mesh.name, SHORT)} ({mesh.role})", "surface", _WALL_SHADES[mesh.role][1]
-                ),
+                "meta": legend_entry(f"{plain_text(mesh.name, SHORT)} ({mesh.role})", "surface", wall.shades[1]),
             }
         )
     return traces

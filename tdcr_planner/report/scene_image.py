@@ -9,6 +9,7 @@ from matplotlib.colors import to_rgb
 from scipy.ndimage import gaussian_filter
 
 from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.collision.roles import MESH_ROLES
 from tdcr_planner.report import plots, raster
 from tdcr_planner.report.body_mesh import part_mesh, shaft_mesh, sleeve_mesh
 from tdcr_planner.report.picture import Picture
@@ -25,14 +26,10 @@ from tdcr_planner.report.tendon_style import tendon_colour
 
 SHOWN_STATES = 6
 _SUPERSAMPLING = 2
-_WALL_COLOURS = {"cavity": "#C3D0DC", "obstacle": "#C9BFB4"}
-_FAR_COVER = {"cavity": 0.9, "obstacle": 0.35}
 _INNER_COVER = 0.4
 # The sleeve is glass: the disks and tendons in it are seen.
 _SLEEVE_COVER = 0.38
 _MARK_COVER = 0.5
-# Cover of the near walls where they face the viewer, and how much it grows where they turn away.
-_GLASS = {"cavity": (0.04, 0.55), "obstacle": (0.40, 0.45)}
 
 
 def render_scene(picture: Picture, camera: Camera, states: IntArray, fades: FloatArray) -> Image:
@@ -119,16 +116,16 @@ class _Canvas:
 
     def paint_walls(self, picture: Picture) -> None:
         """Paints the far walls and, over them, the near ones as glass."""
-        for role in ("cavity", "obstacle"):
-            parts = [(mesh.vertices, mesh.faces) for mesh in picture.meshes if mesh.role == role]
+        for role in MESH_ROLES.values():
+            parts = [(mesh.vertices, mesh.faces) for mesh in picture.meshes if mesh.role == role.name]
             if not parts:
                 continue
             mesh = merge_meshes(parts)
-            colour = np.array(to_rgb(_WALL_COLOURS[role]), dtype=np.float32)
+            colour = np.array(to_rgb(role.wall.paint), dtype=np.float32)
             far = raster.render_layer(self.camera, *mesh, farthest=True)
             seen = far.nearness[far.seen]
             depths = (float(seen.min()), float(seen.max())) if seen.size else None
-            cover = np.where(far.seen, _FAR_COVER[role], 0.0).astype(np.float32)
+            cover = np.where(far.seen, role.wall.far_cover, 0.0).astype(np.float32)
             raster.lay_over(
                 self.image, far, raster.shade(far, colour, gloss=0.0, ambient=0.62, depth_range=depths), cover
             )
@@ -138,7 +135,7 @@ class _Canvas:
             between = inner.seen & (inner.nearness > far.nearness + 1.0 / self.camera.scale)
             cover = np.where(between, _INNER_COVER, 0.0).astype(np.float32)
             raster.lay_over(self.image, inner, raster.shade(inner, 0.92 * colour, ambient=0.5), cover)
-            self._paint_glass(near, 0.86 * colour, *_GLASS[role])
+            self._paint_glass(near, 0.86 * colour, *role.wall.glass)
 
     def _paint_glass(self, near: Layer, colour: Image, base: float, rise: float) -> None:
         grazing = (1.0 - near.normals[..., 2]) ** 3

@@ -14,7 +14,7 @@ from tdcr_planner.array_schema import ArraySchema, ArraySpec, read_arrays
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import sha256_of_file
-from tdcr_planner.session import PlanResult
+from tdcr_planner.query.result import PlanResult
 
 _log = logging.getLogger(__name__)
 

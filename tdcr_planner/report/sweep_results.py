@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from tdcr_planner.files import sha256_of_file, write_folder_whole
+from tdcr_planner.query.result import PlanStatus, library_versions
 from tdcr_planner.report.drawing import draw_pictures
 from tdcr_planner.report.ompl_log import write_ompl_logs
 from tdcr_planner.report.sweep_plots import sweep_drawings
 from tdcr_planner.report.tables import Row, format_markdown, write_csv, write_parquet
 from tdcr_planner.report.text import markdown_text
-from tdcr_planner.session import PlanStatus, library_versions
 from tdcr_planner.sweep.job import FAILED
 from tdcr_planner.sweep.runner import SweepOutcome
 from tdcr_planner.sweep.table import (

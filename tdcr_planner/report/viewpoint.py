@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.collision.roles import find_role
 from tdcr_planner.report.picture import Picture
 from tdcr_planner.report.raster import Camera, render_layer
 from tdcr_planner.report.robot_mesh import Mesh, merge_meshes, simplify_mesh
@@ -54,7 +55,9 @@ def choose_camera(picture: Picture, width: int, height: int, margin: float = 0.0
             area = _hull_area((body @ camera.rotation.T)[:, :2]) + 0.3 * _hull_area((few @ camera.rotation.T)[:, :2])
             candidates.append((level * side_on * camera.scale**2 * area, camera.rotation))
     candidates.sort(key=lambda candidate: -candidate[0])
-    obstacles = merge_meshes([(mesh.vertices, mesh.faces) for mesh in picture.meshes if mesh.role == "obstacle"])
+    obstacles = merge_meshes(
+        [(mesh.vertices, mesh.faces) for mesh in picture.meshes if not find_role(mesh.role).keeps_inside]
+    )
     obstacles = simplify_mesh(*obstacles, 8000)
     best, best_score = candidates[0][1], -1.0
     for score, rotation in candidates[:_LOOKED_THROUGH]:

@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Self
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tdcr_planner.arrays import BoolArray, FloatArray, check_batch
+from tdcr_planner.arrays import FloatArray, check_batch
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import rotation_from_vector
-from tdcr_planner.shape.base import DiskPoses
+from tdcr_planner.shape.base import DiskPoses, ShapeModel
 
 
-class ConstantCurvatureShape:
+class ConstantCurvatureShape(ShapeModel):
     """Circular arcs with curvature M / (E I) (Webster and Jones 2010), M the tendons' moment.
 
     Loads are accepted and ignored: that is what a planner does that trusts constant curvature.
     """
 
     name = "constant_curvature"
+    title = "constant curvature"
+    colour = "#D55E00"
+    marker = "D"
 
     def __init__(self, robot: RobotSpec) -> None:
         """Prepares the baseline for a robot."""
         self.robot = robot
         self.error_bound: FloatArray = np.zeros(robot.disk_count)
 
-    def in_domain(self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> BoolArray:  # noqa: ARG002
-        """Returns true for every row: the arc is defined for all tensions."""
-        return np.ones(len(tensions), dtype=np.bool_)
+    @classmethod
+    def load(cls, robot: RobotSpec, file: Path | None) -> Self:  # noqa: ARG003
+        """Returns the baseline for a robot; it has no file."""
+        return cls(robot)
 
     def disk_poses(
         self,

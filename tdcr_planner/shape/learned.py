@@ -14,7 +14,7 @@ from tdcr_planner.errors import DomainError, InputError, RobotMismatchError
 from tdcr_planner.files import sha256_of_file
 from tdcr_planner.limits import at_most
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.shape.base import DiskPoses
+from tdcr_planner.shape.base import DiskPoses, ShapeModel
 from tdcr_planner.shape.model_file import ModelFile, read_model_file
 from tdcr_planner.shape.rod_kernel import rod_constants, rod_constants_at
 from tdcr_planner.shape.shooting import ShootingFunction
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import torch
 
 
-class LearnedShape:
+class LearnedShape(ShapeModel):
     """A trained model as a `ShapeModel`.
 
     Attributes:
@@ -36,6 +36,13 @@ class LearnedShape:
     """
 
     name = "learned"
+    title = "learned"
+    colour = "#0072B2"
+    marker = "o"
+    needs_file = True
+    has_error_bound = True
+    domain_is_box = True
+    sha256: str
 
     def __init__(self, path: Path, content: ModelFile, robot: RobotSpec | None) -> None:
         """Prepares a model; use `load_shape_model`."""
@@ -52,6 +59,13 @@ class LearnedShape:
         self._content = content
         weights = content.weights
         self._function = None if weights is None else ShootingFunction(rod_constants(card.robot), weights)
+
+    @classmethod
+    def load(cls, robot: RobotSpec, file: Path | None) -> LearnedShape:
+        """Returns the model of a file for a robot; see `load_shape_model`."""
+        if file is None:
+            raise InputError("shape_model", "a model file, as `tdcr train` writes it", "none")
+        return load_shape_model(file, robot)
 
     @cached_property
     def torch_module(self) -> torch.jit.ScriptModule:

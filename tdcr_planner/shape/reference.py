@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Self
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tdcr_planner.arrays import BoolArray, FloatArray
+from tdcr_planner.arrays import FloatArray
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.shape.base import DiskPoses
+from tdcr_planner.shape.base import DiskPoses, ShapeModel
 from tdcr_planner.statics.solver import RodSolution, SolverSettings, solve_statics
 
 
-class ReferenceShape:
+class ReferenceShape(ShapeModel):
     """Disk poses from `solve_statics`.
 
     A row counts as solved when an equilibrium was found and it is stable: an unstable one is no shape the robot keeps.
     """
 
     name = "reference"
+    title = "reference"
+    colour = "#1F2933"
+    marker = "s"
+    is_fast = False
 
     def __init__(self, robot: RobotSpec, settings: SolverSettings | None = None) -> None:
         """Prepares the reference for a robot with the solver's settings, the default ones if none are given."""
@@ -25,9 +32,10 @@ class ReferenceShape:
         self.settings = settings or SolverSettings()
         self.error_bound: FloatArray = np.zeros(robot.disk_count)
 
-    def in_domain(self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> BoolArray:  # noqa: ARG002
-        """Returns true for every row: whether a shape exists is for the solver to find out."""
-        return np.ones(len(tensions), dtype=np.bool_)
+    @classmethod
+    def load(cls, robot: RobotSpec, file: Path | None) -> Self:  # noqa: ARG003
+        """Returns the reference for a robot; it has no file."""
+        return cls(robot)
 
     def disk_poses(
         self,

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdcr_planner.errors import FormatError
-from tdcr_planner.planning.scenario import Scenario, load_scenario
+from tdcr_planner.planning.scenario import load_scenario
 from tdcr_planner.sweep.suite import SweepJob
 
 if TYPE_CHECKING:
-    from tdcr_planner.session import PlanningSession, PlanResult
+    from tdcr_planner.query.result import PlanResult
+    from tdcr_planner.query.session import PlanningSession
 
 FAILED = "failed"
 # OMPL's random generator belongs to the process: a worker that has several threads takes one job at a time.
@@ -32,8 +33,6 @@ def run_planning_job(job: SweepJob) -> dict[str, Any]:
     Raises:
         FormatError: The scenario file is not the one that the sweep was made for.
     """
-    from tdcr_planner.sweep.own import is_own, load_search, plan_with
-
     with _ONE_AT_A_TIME:
         session = _session(job)
         own = session.scenario.planner
@@ -47,23 +46,11 @@ def run_planning_job(job: SweepJob) -> dict[str, Any]:
             # The scenario's parameters are those of its own planner.
             changes["parameters"] = {}
         query = session.scenario.with_planner(**changes)
-        _warm_up(session, query)
-        if is_own(job.planner):
-            return record_of(plan_with(load_search(job.planner), session, query))
         return record_of(session.plan(query))
 
 
-def _warm_up(session: PlanningSession, query: Scenario) -> None:
-    """Asks the query's shape model a few times: loading it and its first answers are no part of the query's time."""
-    start = query.file.start
-    row = session.space.row(start.bending_n, start.insertion_m, start.roll_deg)
-    checker = session.checker(query)
-    for _ in range(3):
-        checker.check(row[None])
-
-
 def _session(job: SweepJob) -> PlanningSession:
-    from tdcr_planner.session import PlanningSession
+    from tdcr_planner.query.session import PlanningSession
 
     key = (job.path, job.sha256)
     if key not in _sessions:
@@ -82,7 +69,7 @@ def record_of(result: PlanResult) -> dict[str, Any]:
         status; result: what the seed decides, for a verified path that the time sufficed for; timing: what the clock
         decides too. When a query is ended by its time limit, the clock decides how far it had come by then.
     """
-    from tdcr_planner.session import PlanStatus
+    from tdcr_planner.query.result import PlanStatus
 
     path, report = result.path, result.verification
     worst = {} if report is None else report.worst

@@ -24,8 +24,9 @@ from tdcr_planner.files import (
     sha256_of_file,
     sha256_of_json,
 )
-from tdcr_planner.planning.ompl_planner import check_planner
+from tdcr_planner.planning.planners import check_planner_name, find_planner
 from tdcr_planner.planning.scenario import Scenario, Validity, load_scenario
+from tdcr_planner.shape.registry import SHAPE_MODELS
 
 _LEVELS = ("easy", "medium", "hard")
 _SHOWN = 10  # names in a message
@@ -48,7 +49,7 @@ class SuiteFile(FileModel):
 
     Attributes:
         scenarios: The scenarios.
-        planners: OMPL planners by name, or "module:function" for one's own; see `sweep.own`.
+        planners: Planners by their names in `planning.planners`, or "module:function" for one's own.
         models: Shape models that the search asks.
         seeds: Seeds of the search, each above 0.
         time_limit_s: Time for each query in place of the scenarios' own.
@@ -90,7 +91,7 @@ class SweepJob:
         path: The scenario file, absolute.
         sha256: Hash of the scenario file that was meant.
         difficulty: The scenario's level.
-        planner: OMPL planner.
+        planner: Planner.
         model: Shape model that the search asks.
         seed: Seed of the search.
         time_limit_s: Time for the query, s.
@@ -156,7 +157,7 @@ def load_suite(path: str | Path, *, import_planners: bool = True) -> Suite:
     content = parse_table(SuiteFile, read_toml(path), path)
     for index, planner in enumerate(content.planners):
         try:
-            _check_planner(planner, import_planners)
+            find_planner(planner) if import_planners else check_planner_name(planner)
         except InputError as error:
             raise FormatError(path, f"expected {error.expected}; got {error.got}", f"planners[{index + 1}]") from error
     scenarios = [_load_entry(file, entry, index, content) for index, entry in enumerate(content.scenarios)]
@@ -173,23 +174,14 @@ def load_suite(path: str | Path, *, import_planners: bool = True) -> Suite:
     return Suite(file, content, tuple(jobs), _hash(content, scenarios))
 
 
-def _check_planner(planner: str, import_planners: bool) -> None:
-    from tdcr_planner.sweep.own import check_form, is_own, load_search
-
-    if is_own(planner):
-        check_form(planner)
-        if import_planners:
-            load_search(planner)
-    else:
-        check_planner(planner)
-
-
 def _load_entry(suite: Path, entry: SuiteEntry, index: int, content: SuiteFile) -> Scenario:
     place = f"scenarios[{index + 1}].file"
     target = find_named_file(suite.parent / entry.file, suite, place)
     scenario = load_scenario(target)
-    if "learned" in content.models and scenario.shape_model_path is None:
-        raise FormatError(suite, f"models has 'learned', but {target} names no shape_model", place)
+    if scenario.shape_model_path is None:
+        needing = [name for name in content.models if SHAPE_MODELS.find(name).needs_file]
+        if needing:
+            raise FormatError(suite, f"models has {needing[0]!r}, but {target} names no shape_model", place)
     return scenario
 
 

@@ -9,8 +9,8 @@ from PIL import Image
 
 from tdcr_planner.cli.main import run
 from tdcr_planner.planning.scenario import Scenario
+from tdcr_planner.query.session import plan
 from tdcr_planner.report.results import write_result
-from tdcr_planner.session import plan
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.shape.base import DiskPoses
 from tdcr_planner.shape.reference import ReferenceShape
 
@@ -36,7 +36,7 @@ def make_session(make_scenario):
         # The box has its near face at x = 250 mm, 80 mm off the straight robot; gravity pulls towards it.
         table = {"gravity_m_s2": [9.81, 0.0, 0.0], "base": {"position_m": [0.17, 0.0, -0.15]}, **changes}
         session = PlanningSession(make_scenario(robot, **table))
-        session._models["learned"] = ShiftedShape(session.scenario.robot, shift, bound)
+        session.use_model("learned", ShiftedShape(session.scenario.robot, shift, bound))
         return session
 
     return make

@@ -3,7 +3,7 @@ import pytest
 
 from tdcr_planner.compare import comparison
 from tdcr_planner.compare.comparison import compare
-from tdcr_planner.compare.verdicts import VARIANTS, sample_configurations
+from tdcr_planner.compare.verdicts import MODELS, sample_configurations, variants_of
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.planning.scenario import load_scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
@@ -31,7 +31,7 @@ def test_every_model_is_planned_with_and_timed(found):
 
 
 def test_disagreements_are_the_worst_wrong_verdicts_with_their_shapes(found):
-    arc = next(variant for variant in VARIANTS if variant.name == "constant_curvature")
+    arc = next(variant for variant in variants_of(MODELS) if variant.name == "constant_curvature")
     wrong = found.verdicts.valid(arc) & ~found.verdicts.reference_valid
     assert wrong.any()
     worst = found.verdicts.clearance[wrong].min()

@@ -5,15 +5,15 @@ from scipy.stats import kstest
 from tdcr_planner.compare.verdicts import (
     MODELS,
     REFERENCE_VERDICTS,
-    VARIANTS,
     join_verdicts,
     judge,
     sample_configurations,
+    variants_of,
 )
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import planning_margins
 
-LEARNED, BARE, ARC, LEARNED_PLANNED, ARC_PLANNED = VARIANTS
+LEARNED, BARE, ARC, LEARNED_PLANNED, ARC_PLANNED = variants_of(MODELS)
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_margins_are_what_the_variants_names_say(make_session):
         "learned_as_planned": asked + 2e-4,
         "constant_curvature_as_planned": asked,
     }
-    for variant in VARIANTS:
+    for variant in variants_of(MODELS):
         bound = session.model(variant.model).error_bound
         np.testing.assert_allclose(variant.margins(scenario, bound), expected[variant.name])
     planned = LEARNED_PLANNED.margins(scenario, model.error_bound)

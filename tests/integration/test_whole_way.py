@@ -14,7 +14,8 @@ import trimesh
 from tdcr_planner import load_scenario, plan, verify
 from tdcr_planner.cli.main import run
 from tdcr_planner.files import read_toml
-from tdcr_planner.session import PlanningSession, PlanStatus
+from tdcr_planner.query.result import PlanStatus
+from tdcr_planner.query.session import PlanningSession
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -18,8 +18,8 @@ from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.scenario import Goal, Scenario, load_scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.session import PlanningSession
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 
 
@@ -54,6 +54,16 @@ class BoxScene:
         assert np.isfinite(positions).all()
         self.asked += len(positions)
         return (self.gaps(positions, rotations) <= self.margins[1:]).any(axis=1).astype(np.int8)
+
+    def find_hit(self, positions, rotations):
+        # The first state is the likeliest to hit, so it is asked about alone.
+        for start, stop in ((0, 1), (1, len(positions))):
+            if start < stop:
+                codes = self.check(positions[start:stop], rotations[start:stop])
+                hits = np.flatnonzero(codes)
+                if len(hits):
+                    return start + int(hits[0]), int(codes[hits[0]])
+        return -1, 0
 
     def first_contact(self, positions, rotations):
         gaps = self.gaps(positions[None], rotations[None])[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tdcr_planner.planning.objectives import NEAR_M, PathCost
-from tdcr_planner.planning.ompl_planner import search
+from tdcr_planner.planning.planners import search
 from tdcr_planner.planning.scenario import Objective
 from tdcr_planner.planning.smoothing import path_cost
 

@@ -10,14 +10,10 @@ import numpy as np
 import pytest
 
 from tdcr_planner.errors import InputError
-from tdcr_planner.planning.ompl_planner import (
-    PLANNERS,
-    REFUSED,
-    SearchStatus,
-    check_planner,
-    planner_parameters,
-    search,
-)
+from tdcr_planner.planning.offered import OMPL_TRAITS as PLANNERS
+from tdcr_planner.planning.offered import REFUSED
+from tdcr_planner.planning.planner import SearchStatus
+from tdcr_planner.planning.planners import find_planner, search
 
 POST = [[[0.06, 0.06, 0.12], [0.10, 0.10, 0.17]]]
 AROUND = {
@@ -138,23 +134,23 @@ def test_a_progress_callback_sees_the_time_pass_and_may_end_the_search(make_setu
 @pytest.mark.parametrize("name", ["RRTconnect", "PRM", "LazyPRM", "Dijkstra"])
 def test_planners_that_are_not_offered_are_refused_with_the_reason(name):
     with pytest.raises(InputError, match="valid: AORRTC") as caught:
-        check_planner(name)
+        find_planner(name)
     assert ("did you mean 'RRTConnect'" in str(caught.value)) == (name == "RRTconnect")
     assert (REFUSED.get(name, "nothing") in str(caught.value)) == (name in REFUSED)
 
 
 @pytest.mark.parametrize("name", PLANNERS)
 def test_parameters_reach_the_planner_and_wrong_ones_are_named(name):
-    known = planner_parameters(name)
+    known = find_planner(name).parameters()
     assert known
     samples = {bool: True, int: 3, float: 0.5}
-    check_planner(name, {key: samples[kind] for key, kind in known.items()})
+    find_planner(name).check_parameters({key: samples[kind] for key, kind in known.items()})
     for key, kind in known.items():
         wrong = "yes" if kind is not bool else 1
         with pytest.raises(InputError, match=key):
-            check_planner(name, {key: wrong})
+            find_planner(name).check_parameters({key: wrong})
     with pytest.raises(InputError, match="did you mean"):
-        check_planner(name, {f"{next(iter(known))}x": 1})
+        find_planner(name).check_parameters({f"{next(iter(known))}x": 1})
 
 
 def test_parameters_change_the_search(make_setup):

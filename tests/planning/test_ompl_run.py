@@ -13,7 +13,7 @@ import pytest
 from tdcr_planner.planning import ompl_run
 from tdcr_planner.planning.goal import ConfigurationGoal
 from tdcr_planner.planning.objectives import PathCost
-from tdcr_planner.planning.offered import PLANNERS
+from tdcr_planner.planning.offered import OMPL_TRAITS as PLANNERS
 from tdcr_planner.planning.ompl_run import PlannerRun
 from tdcr_planner.planning.scenario import Objective
 from tdcr_planner.planning.smoothing import path_cost
@@ -107,7 +107,7 @@ import numpy as np
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import ConfigurationGoal
 from tdcr_planner.planning.objectives import PathCost
-from tdcr_planner.planning.offered import PLANNERS
+from tdcr_planner.planning.offered import OMPL_TRAITS as PLANNERS
 from tdcr_planner.planning.ompl_run import PlannerRun
 from tdcr_planner.planning.scenario import Objective, load_scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace

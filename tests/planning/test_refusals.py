@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from tdcr_planner.planning.ompl_planner import SearchStatus, search
+from tdcr_planner.planning.planner import SearchStatus
+from tdcr_planner.planning.planners import search
 from tdcr_planner.planning.refusals import impossible_tip, missed_entries
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tdcr_planner.planning.goal import TipGoal
-from tdcr_planner.planning.ompl_planner import SearchStatus, search
+from tdcr_planner.planning.planner import SearchStatus
+from tdcr_planner.planning.planners import search
 from tdcr_planner.planning.relaxation import Relaxation, offers_room, within_limits
 from tdcr_planner.planning.retraction import Retraction, thinned
 

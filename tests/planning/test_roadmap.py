@@ -10,7 +10,7 @@ import pytest
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.goal import ConfigurationGoal
-from tdcr_planner.planning.ompl_planner import search
+from tdcr_planner.planning.planners import search
 from tdcr_planner.planning.roadmap import Roadmap, conditions_of
 from tdcr_planner.planning.roadmap_build import RoadmapBuilder
 from tdcr_planner.planning.roadmap_way import RoadmapConnector

@@ -58,7 +58,7 @@ def test_base_frame(make_scenario: Make) -> None:
 mesh = {"file": "box.stl", "unit": "mm", "role": "obstacle"}
 FAULTS: list[tuple[dict[str, Any], str]] = [
     ({"meshes": [{"file": "box.stl", "role": "obstacle"}]}, "meshes[1].unit: missing, and it is required"),
-    ({"meshes": [mesh | {"role": "wall"}]}, "meshes[1].role: input should be 'cavity' or 'obstacle', got 'wall'"),
+    ({"meshes": [mesh | {"role": "wall"}]}, "meshes[1].role: expected 'cavity' or 'obstacle', got 'wall'"),
     ({"meshes": [mesh | {"unit": "km"}]}, "meshes[1].unit: input should be 'm', 'cm', 'mm' or 'in', got 'km'"),
     ({"meshes": [mesh | {"file": "none.stl"}]}, "meshes[1].file: no such file"),
     (
@@ -67,6 +67,10 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
     ),
     ({"robot": "nobot.toml"}, "scenario.toml: robot: no such file: /"),
     ({"base": {"insertion_m": [0, 160]}}, "base.insertion_m: a travel of 160 m is 800 times the robot's length"),
+    (
+        {"planner": {"name": "os:system", "validity": "reference"}},
+        "planner.name: expected a planner's name, got 'os:system'",
+    ),
     ({"start": {"bending_n": [0.4, 0.0]}}, "start.bending_n: expected a row [x, y] a segment, such as [[0.4, 0.0]]"),
     ({"gravity_m_s2": 9.81}, "gravity_m_s2: expected a list, got 9.81"),
     ({"start": 0.0}, "start: expected a table of keys, got 0.0"),
@@ -85,7 +89,7 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
     ({"base": {"insertion_m": [0.1, 0.0]}}, "base.insertion_m: expected a range [low, high] with low below high"),
     ({"base": {"quaternion_wxyz": [0.0, 0, 0, 0]}}, "base.quaternion_wxyz: expected a quaternion of length above 0"),
     ({"planner": {"validity": "learned"}}, "shape_model: missing, and planner.validity = 'learned' needs it"),
-    ({"planner": {"validity": "magic"}}, "planner.validity: input should be 'learned', 'reference'"),
+    ({"planner": {"validity": "magic"}}, "planner.validity: expected 'learned', 'reference'"),
     ({"planner": {"step_m": 0.0}}, "planner.step_m"),
     ({"planner": {"seed": 0}}, "planner.seed"),
     ({"shape_model": "none.pt"}, "shape_model: no such file"),

@@ -12,8 +12,8 @@ sys.modules["ompl"] = None
 from tdcr_planner.cli.main import run
 assert run(["solve", sys.argv[1], "--bending-n", "0.5,0"]) == 0
 assert run(["info", sys.argv[2]]) == 0
-import tdcr_planner.session, tdcr_planner.report.results, tdcr_planner.learning.train
-from tdcr_planner.result import library_versions
+import tdcr_planner.query.session, tdcr_planner.report.results, tdcr_planner.learning.train
+from tdcr_planner.query.result import library_versions
 from tdcr_planner.planning.offered import require_ompl
 from tdcr_planner.errors import MissingLibraryError
 assert "ompl" in library_versions()

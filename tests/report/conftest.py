@@ -12,10 +12,10 @@ import trimesh
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import Scenario, load_scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.query.result import PlanResult, PlanStatus
+from tdcr_planner.query.verification_report import VerificationReport
 from tdcr_planner.se3 import transform_points
-from tdcr_planner.session import PlanResult, PlanStatus
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
-from tdcr_planner.verification import VerificationReport
 
 ROBOTS = Path(__file__).parents[2] / "models" / "robots"
 STATES = 12

@@ -8,9 +8,9 @@ from matplotlib.image import imread
 from tdcr_planner.compare.comparison import Comparison, Disagreement
 from tdcr_planner.compare.paths import PlannedPath
 from tdcr_planner.compare.timing import CheckTime
-from tdcr_planner.compare.verdicts import VARIANTS, Verdicts
+from tdcr_planner.compare.verdicts import MODELS, Verdicts, variants_of
 from tdcr_planner.errors import FormatError
-from tdcr_planner.planning.validity import Cause
+from tdcr_planner.planning.causes import Cause
 from tdcr_planner.report.compare_results import (
     agreement_rows,
     comparison_content,
@@ -104,7 +104,7 @@ def test_all_files_are_there_and_pictures_show_something(comparison, tmp_path):
         assert np.ptp(imread(tmp_path / "out" / name)[..., :3]) > 0.5
         if not name.startswith("disagreement"):
             assert (tmp_path / "out" / name).with_suffix(".pdf").read_bytes().startswith(b"%PDF")
-    for name, count in (("states", 6), ("verdicts", len(VARIANTS)), ("paths", 2)):
+    for name, count in (("states", 6), ("verdicts", len(variants_of(MODELS))), ("paths", 2)):
         with (tmp_path / "out" / f"{name}.csv").open(newline="") as stream:
             assert len(list(csv.DictReader(stream))) == count
 
@@ -116,7 +116,7 @@ def test_tables_name_states_and_causes(comparison):
     assert set(coordinate_names(comparison)) <= set(states[0])
     assert len(coordinate_names(comparison)) == comparison.verdicts.rows.shape[1]
     verdicts = verdict_rows(comparison)
-    assert [row["variant"] for row in verdicts] == [variant.name for variant in VARIANTS]
+    assert [row["variant"] for row in verdicts] == [variant.name for variant in variants_of(MODELS)]
     assert verdicts[2]["false_valid"] == pytest.approx(2 / 6)
     assert verdicts[2]["deviation_false_valid_median_m"] == pytest.approx(0.025)
     assert verdicts[2]["missing_clearance_max_m"] == pytest.approx(comparison.scenario.planner.clearance_m + 0.002)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tdcr_planner.errors import InputError
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.report import live
 from tdcr_planner.report.live import find_port, serve_live
 from tdcr_planner.report.live_scene import Controls
-from tdcr_planner.session import PlanningSession
 
 BENT = np.array([0.0, 0.0, 2.5])  # to one side, hard
 

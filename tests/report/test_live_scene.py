@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tdcr_planner.planning.scenario import load_scenario
+from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.report.live_scene import Controls, LiveScene, describe
-from tdcr_planner.session import PlanningSession
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from tdcr_planner.collision.scene import Contact, Verdict
 from tdcr_planner.errors import FormatError
+from tdcr_planner.query.result import PlanStatus
 from tdcr_planner.report.marks import Mark, contact_marks, marks_of
 from tdcr_planner.report.picture import gather_picture
 from tdcr_planner.report.results import read_result, write_result_data
 from tdcr_planner.report.scene_figure import build_figure
 from tdcr_planner.report.scene_png import write_png
-from tdcr_planner.session import PlanStatus
 
 coordinate = st.floats(-10.0, 10.0)
 part = st.one_of(st.integers(1, 99).map("disk {}".format), st.integers(1, 99).map("gap {}".format), st.just("shaft"))

@@ -7,9 +7,9 @@ import pytest
 
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import sha256_of_file
+from tdcr_planner.query.result import PlanStatus
 from tdcr_planner.report import scene_html, scene_png, state_files
 from tdcr_planner.report.results import RESULT_FILES, read_result, write_result
-from tdcr_planner.session import PlanStatus
 
 
 def _rewrite(file, change):

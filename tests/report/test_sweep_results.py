@@ -8,8 +8,8 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
+from tdcr_planner.query.result import PlanStatus
 from tdcr_planner.report.sweep_results import write_sweep
-from tdcr_planner.session import PlanStatus
 from tdcr_planner.sweep.runner import SweepOutcome
 from tdcr_planner.sweep.suite import load_suite
 from tdcr_planner.sweep.table import RESULT_COLUMNS, TIMING_COLUMNS, joined_rows

@@ -73,7 +73,7 @@ def test_view_shows_a_scene_whose_start_cannot_be_checked(make_scenario, tmp_pat
     def refuse(scenario):
         raise FormatError(scenario.path, "no model for these loads")
 
-    monkeypatch.setattr("tdcr_planner.session.PlanningSession", refuse)
+    monkeypatch.setattr("tdcr_planner.query.session.PlanningSession", refuse)
     assert view(make_scenario("paper").path, out=tmp_path / "look.html", open_browser=False) == 0
     assert "start: not checked" in capsys.readouterr().out
     assert "no model for these loads" in (tmp_path / "look.html").read_text()

@@ -16,9 +16,9 @@ import trimesh
 from tdcr_planner.collision.body import RobotBody, Shaft
 from tdcr_planner.collision.scene import CollisionScene
 from tdcr_planner.planning.scenario import Scenario, load_scenario
+from tdcr_planner.planning.scene import load_scene_meshes
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import ValidityChecker
-from tdcr_planner.session import load_scene_meshes
 from tdcr_planner.shape.reference import ReferenceShape
 
 

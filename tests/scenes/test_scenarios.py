@@ -36,7 +36,7 @@ def test_says_what_it_asks_and_keeps_the_conventions(name):
 def test_start_is_as_the_scenario_expects(name, reference_setup):
     setup = reference_setup(name)
     start = setup.scenario.file.start
-    row = setup.space.row(start.bending_n, start.insertion_m, start.roll_deg)
+    row = setup.space.row_of(start)
     expected = setup.scenario.file.expected_status
     assert setup.checker.valid(row[None])[0] == (expected != "invalid_start")
 
@@ -46,7 +46,7 @@ def test_goal_configurations_are_free(name, reference_setup):
     setup = reference_setup(name)
     for goal in setup.scenario.goals:
         if goal.bending_n is not None:
-            row = setup.space.row(goal.bending_n, goal.insertion_m, goal.roll_deg)
+            row = setup.space.row_of(goal)
             assert setup.checker.valid(row[None])[0]
 
 

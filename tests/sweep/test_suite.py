@@ -3,7 +3,7 @@ import itertools
 import pytest
 
 from tdcr_planner.errors import FormatError
-from tdcr_planner.planning.ompl_planner import PLANNERS
+from tdcr_planner.planning.offered import OMPL_TRAITS as PLANNERS
 from tdcr_planner.sweep.suite import load_suite
 
 

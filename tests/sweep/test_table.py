@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tdcr_planner.planning.path import TensionPath
-from tdcr_planner.session import PlanStatus
+from tdcr_planner.query.result import PlanStatus
 from tdcr_planner.sweep.job import record_of
 from tdcr_planner.sweep.runner import SweepOutcome
 from tdcr_planner.sweep.table import (

@@ -44,7 +44,7 @@ def straight_line(scenario, space, checker, *, time_limit_s, seed):
     import numpy as np
 
     from tdcr_planner.planning.edges import EdgeChecker
-    from tdcr_planner.planning.ompl_planner import SearchOutcome, SearchStatus
+    from tdcr_planner.planning.planner import SearchOutcome, SearchStatus
 
     start, (goal,) = scenario.file.start, scenario.goals
     rows = np.stack([space.row(start.bending_n), space.row(goal.bending_n)])

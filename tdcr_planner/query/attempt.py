@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.planning.ompl_planner import SearchOutcome, SearchStatus
+from tdcr_planner.planning.planner import SearchOutcome, SearchStatus
 from tdcr_planner.planning.scenario import Scenario
-from tdcr_planner.result import PlanStatus
-from tdcr_planner.solved_states import SolvedStates
-from tdcr_planner.verification import VerificationReport
+from tdcr_planner.query.result import PlanStatus
+from tdcr_planner.query.solved_states import SolvedStates
+from tdcr_planner.query.verification_report import VerificationReport
 
 # What a repair adds to the shortfall that verification has measured, and the reach of a state that it rules out.
 REPAIR_MARGIN_M = 2e-4

@@ -10,7 +10,7 @@ from typing import Any
 
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import Scenario
-from tdcr_planner.verification import VerificationReport
+from tdcr_planner.query.verification_report import VerificationReport
 
 LIBRARIES = ("tdcr-planner", "numpy", "scipy", "numba", "torch", "ompl", "python-fcl", "trimesh")
 

@@ -10,11 +10,11 @@ from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.slack import SlackRecord
 from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.query.solved_states import BATCH
+from tdcr_planner.query.verification import Verifier
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.base import DiskPoses
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
-from tdcr_planner.solved_states import BATCH
-from tdcr_planner.verification import Verifier
 
 
 @dataclass
@@ -205,7 +205,7 @@ def test_a_path_that_is_not_solved_in_time_is_not_verified(
     verifier_at: Callable[..., Verifier], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = iter(np.arange(1000.0))
-    monkeypatch.setattr("tdcr_planner.solved_states.time.monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr("tdcr_planner.query.solved_states.time.monotonic", lambda: float(next(clock)))
     rows = np.linspace(PATH[0], PATH[1], 2 * BATCH + 44)
     report, states = verifier_at(1.0).verify(rows, deadline=1.5)
     assert not report.verified

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from tdcr_planner.planning.scenario import Scenario
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.query.session import PlanningSession
 
 
 def test_a_result_is_printed_in_a_few_lines_with_or_without_a_path(make_scenario: Callable[..., Scenario]) -> None:

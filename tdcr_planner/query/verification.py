@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,77 +23,14 @@ from tdcr_planner.planning.kernels import disk_motions
 from tdcr_planner.planning.scenario import Goal
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import disk_reaches
+from tdcr_planner.query.solved_states import SolvedStates, StateSolver
+from tdcr_planner.query.verification_report import VerificationReport
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.se3 import transform_points
 from tdcr_planner.shape.base import ShapeModel
-from tdcr_planner.solved_states import SolvedStates, StateSolver
 
 # Halving a gap of step_m this often leaves 1/1024 of it: below that, missing clearance is missing, not unproven. The
 # search ends at 1/64, so that what it accepts is not refused here for want of halvings.
 MAX_HALVINGS = 10
-
-
-@dataclass(frozen=True)
-class VerificationReport:
-    """What the reference says of each of the k states of a path.
-
-    Attributes:
-        verified: True when every state converged to a stable shape, neighbouring states keep the clearance between
-            them, and the robot's limits hold.
-        message: Why it is not verified, naming the first failing state; empty when it is.
-        converged: Shape (k,).
-        residual: Residual of the reference, shape (k,), N m.
-        deviation: Largest distance of a disk centre between the shape model's and the reference's shape, shape (k,), m;
-            NaN where there is no shape to compare.
-        clearance: Smallest distance of the body from a surface under the reference shape, shape (k,), m; negative when
-            it touches or is on the wrong side, NaN where the reference has no shape.
-        in_limits: Whether the limits on tension, tendon displacement and backbone strain are kept, shape (k,).
-        positions: Reference disk centres, shape (k, d, 3), m, world frame.
-        rotations: world_from_disk, shape (k, d, 3, 3).
-        model_positions: Disk centres by the shape model, shape (k, d, 3), m, world frame; None without one.
-        cause: "", "statics", "limits", "self_collision", "goal", "jump", "clearance" or "time".
-        worst_state: Index of the state that failed, or of the smallest clearance.
-    """
-
-    verified: bool
-    message: str
-    converged: BoolArray
-    residual: FloatArray
-    deviation: FloatArray
-    clearance: FloatArray
-    in_limits: BoolArray
-    positions: FloatArray
-    rotations: FloatArray
-    model_positions: FloatArray | None = None
-    cause: str = ""
-    worst_state: int = 0
-
-    def __repr__(self) -> str:
-        """Returns the verdict and the worst values; the arrays of a path are too long to read."""
-        worst = ", ".join(f"{name}: {value:.3g}" for name, value in self.worst.items())
-        return (
-            f"VerificationReport(verified={self.verified}, states={self.states}, worst={{{worst}}}, "
-            f"message={self.message!r})"
-        )
-
-    @property
-    def states(self) -> int:
-        """Number of states k."""
-        return len(self.converged)
-
-    @property
-    def worst(self) -> dict[str, float]:
-        """Largest residual (N m) and deviation (m) and smallest clearance (m) over the states, NaN where unknown."""
-        return {
-            "residual_nm": _extreme(self.residual, np.max),
-            "deviation_m": _extreme(self.deviation, np.max),
-            "clearance_m": _extreme(self.clearance, np.min),
-        }
-
-
-def _extreme(values: FloatArray, choose: Callable[[FloatArray], Any]) -> float:
-    known = values[~np.isnan(values)]
-    return float(choose(known)) if len(known) else float("nan")
 
 
 class _Failure(NamedTuple):
@@ -225,22 +162,14 @@ class Verifier:
         return None
 
     def _judge_goals(self, states: SolvedStates, goals: Sequence[tuple[int, Goal]]) -> _Failure | None:
-        """Returns the first tip goal that the reference's tip misses, or None."""
+        """Returns the first goal that a state of the reference misses, or None."""
         for number, (state, goal) in enumerate(goals):
-            if goal.tip_position_m is None or not states.solved[state]:
+            if not states.solved[state]:
                 continue
-            where = f"state {state + 1} of {len(states.rows)}, goal {number + 1}"
-            distance = float(np.linalg.norm(states.positions[state, -1] - np.asarray(goal.tip_position_m)))
-            if distance > goal.tip_tolerance_m:
-                message = f"the tip is {1e3 * distance:.3f} mm off, allowed {1e3 * goal.tip_tolerance_m:.3f} mm"
-                return _Failure("goal", f"{where}: {message}", state)
-            if goal.view_direction is not None:
-                view = np.asarray(goal.view_direction) / np.linalg.norm(goal.view_direction)
-                axis = states.rotations[state, -1, :, 2]
-                angle = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(axis, view)), axis @ view)))
-                if angle > goal.view_tolerance_deg:
-                    message = f"the tip looks {angle:.2f} degrees aside, allowed {goal.view_tolerance_deg:.2f}"
-                    return _Failure("goal", f"{where}: {message}", state)
+            problem = goal.kind.miss(goal, states.positions[state, -1], states.rotations[state, -1])
+            if problem:
+                where = f"state {state + 1} of {len(states.rows)}, goal {number + 1}"
+                return _Failure("goal", f"{where}: {problem}", state)
         return None
 
     def _show(self, states: SolvedStates, apart: FloatArray, shown: BoolArray) -> BoolArray:
@@ -309,14 +238,9 @@ class Verifier:
             inside = self.model.in_domain(actuation.tensions, actuation.gravity, actuation.tip_force) & states.solved
             model_positions = np.full_like(states.positions, np.nan)
             if inside.any():
-                poses = self.model.disk_poses(
-                    actuation.tensions[inside],
-                    gravity=actuation.gravity[inside],
-                    tip_force=actuation.tip_force[inside],
-                )
-                model_positions[inside] = transform_points(
-                    actuation.base_rotations[inside], actuation.base_positions[inside], poses.positions
-                )
+                part = actuation.take(inside)
+                poses = self.model.disk_poses(part.tensions, gravity=part.gravity, tip_force=part.tip_force)
+                model_positions[inside] = part.in_world(poses.positions, poses.rotations)[0]
                 deviation = np.linalg.norm(model_positions - states.positions, axis=2).max(axis=1)
         return VerificationReport(
             verified=not failure.cause,

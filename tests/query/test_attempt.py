@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tdcr_planner.attempt import REPAIR_MARGIN_M, Attempt
-from tdcr_planner.planning.ompl_planner import SearchOutcome, SearchStatus
+from tdcr_planner.planning.planner import SearchOutcome, SearchStatus
 from tdcr_planner.planning.scenario import Scenario
-from tdcr_planner.result import PlanStatus
+from tdcr_planner.query.attempt import REPAIR_MARGIN_M, Attempt
+from tdcr_planner.query.result import PlanStatus
 
 
 def outcome(found: bool = True, message: str = "no path", **statistics: Any) -> SearchOutcome:

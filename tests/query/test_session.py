@@ -10,10 +10,10 @@ import trimesh
 
 from tdcr_planner.errors import InputError
 from tdcr_planner.planning.scenario import Scenario, load_scenario
-from tdcr_planner.result import PlanStatus
-from tdcr_planner.session import PlanningSession
+from tdcr_planner.query.result import PlanStatus
+from tdcr_planner.query.session import PlanningSession
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -139,7 +139,7 @@ def test_a_repair_whose_search_finds_nothing_is_said_in_the_message(tmp_path: Pa
 def test_a_roadmap_answers_queries_in_its_scene(session: PlanningSession, tmp_path: Path) -> None:
     roadmap = session.build_roadmap(vertices=40, time_limit_s=120.0, seed=2)
     start = session.scenario.file.start
-    row = session.space.row(start.bending_n, start.insertion_m, start.roll_deg)
+    row = session.space.row_of(start)
     np.testing.assert_array_equal(roadmap.rows[0], row)
     session.use_roadmap(roadmap.save(tmp_path / "roadmap.npz"))
     result = session.plan()
