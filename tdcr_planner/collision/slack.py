@@ -323,9 +323,7 @@ def prove_intervals(  # type: ignore[no-untyped-def]
             off = max(stray[row, low], stray[row, high])
             kept = required[part] + off + SPARE
             if math.isfinite(off) and (
-                _part_way_free(
-                    field, wall, side, body, part, kept, positions, rotations, i, j, start, end, ends, frees
-                )
+                _part_way_free(field, wall, side, body, part, kept, positions, rotations, i, j, start, end, ends, frees)
                 or swept_free(field, wall, side, body, part, kept, positions, rotations, i, j, work)
             ):
                 continue

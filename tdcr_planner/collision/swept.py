@@ -12,7 +12,7 @@ import numpy as np
 
 from tdcr_planner.collision.body import towards_rim
 from tdcr_planner.collision.containment import is_wrong
-from tdcr_planner.collision.distance import node_bound, triangle_bound, cylinder_triangle_distance
+from tdcr_planner.collision.distance import cylinder_triangle_distance, node_bound, triangle_bound
 from tdcr_planner.collision.field import bounds_at, front
 from tdcr_planner.collision.tree import STACK_SIZE
 from tdcr_planner.compiled import njit
