@@ -1,17 +1,19 @@
 """Success and time of queries through narrow places, against the width of the place, made by scenes/port/make_scene.py.
 
 python benchmarks/narrow.py [--quick] [--seeds 20] [--limit 20] [--only plates,elbows,offset,tube,impossible]
-                            [--planners RRTConnect,...] [--out docs/pictures]
+                            [--every K] [--planners RRTConnect,...] [--out docs/pictures]
 
-plates: plates of 10, 30 and 60 mm, hole / robot 1.15 to 2, one to three segments, gravity none, across and along.
+plates: plates of 10, 30 and 60 mm, hole / robot 1.15 to 2, one to three segments and models/robots/inspection.toml,
+gravity none, across and along, roll fixed and free, goals ahead, beside the axis and looking back at the plate.
 elbows: pipes of 1.6, 2 and 2.5 times the robot with a bend of 45, 90 and 180 degrees.
 offset: two plates 30 mm apart with holes of twice the robot offset by 6 mm.
 tube: a straight push into a tube with room for the required clearance and 0.05 mm.
 impossible: holes too small, goals inside of walls, bends too tight; right is an end within 5 s that is not verified.
 
 The robot is models/robots/borescope.toml with its learned model; with its segments repeated or left out the reference
-is the shape model, since no model is trained for these. Times are CPU seconds of this process for plan and verify: what
-else runs on the machine hardly moves them. The clearance asked for is a tenth of the room.
+is the shape model, since no model is trained for these. Goals may have no free goal state: such queries are counted by
+themselves, and --every K runs each K-th of a group's places. Times are CPU seconds of this process for plan and
+verify: what else runs on the machine hardly moves them. The clearance asked for is a tenth of the room.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import importlib.util
+import itertools
 import platform
 import re
 import tempfile
@@ -31,6 +34,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -41,9 +45,13 @@ from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.shape.learned import load_shape_model
 
 ROOT = Path(__file__).resolve().parents[1]
-DIAMETER = 3.0  # of the robot, mm
+DIAMETER = 3.0  # of the borescope, mm
 SEGMENT = 50.0  # its length, mm
-TRAINED_SEGMENTS = 2  # of the robot that has a learned model
+TRAINED_SEGMENTS = 2  # of the borescope that has a learned model
+INSPECTION = (20.0, 200.0)  # diameter and length of models/robots/inspection.toml, one segment, mm
+BACK_RADIUS = 50.0  # of the arc that looks back: a segment of the borescope bends to 40 mm
+# Behind both plates, mm. Nearer to the second hole no shape is free: the second segment has no length to bend back in.
+OFFSET_GOALS = ((76.0, 4.0, 0.0), (76.0, 7.0, 0.0), (78.0, 2.0, 0.0), (80.0, 0.0, 0.0))
 GRAVITY = {"none": (0.0, 0.0, 0.0), "across": (0.0, 0.0, -9.81), "along": (9.81, 0.0, 0.0)}
 ENDED_WITHIN_S = 5.0
 
@@ -59,7 +67,7 @@ role = "{role}"
 position_m = [{base}, 0.0, 0.0]
 quaternion_wxyz = [0.0, 0.7071067811865476, 0.0, 0.7071067811865476]
 insertion_m = [0.0, {travel}]
-[start]
+{roll}[start]
 bending_n = {straight}
 [goal]
 {goal}
@@ -74,17 +82,42 @@ validity = "{validity}"
 
 @dataclass(frozen=True)
 class Case:
-    """One query: lengths in mm, the goal a tip position or "push" for a straight push by so much."""
+    """One query: lengths in mm, the goal a tip position, with a view or without, or a straight push by so much."""
 
     group: str
     label: str
     width: float  # of the place, in robot diameters
     mesh: trimesh.Trimesh
     role: str
-    goal: tuple[float, float, float] | float
+    goal: tuple[float, ...] | float
     clearance: float
     segments: int = 2
     gravity: str = "none"
+    view: tuple[float, float, float] | None = None
+    robot: str = "borescope"
+    rolls: bool = False
+
+    @property
+    def length(self) -> float:
+        """Length of the robot, mm."""
+        return INSPECTION[1] if self.robot == "inspection" else SEGMENT * self.segments
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What the seeds of a case came to.
+
+    Attributes:
+        verified: Whether each ended verified.
+        possible: Whether each had a goal state.
+        seconds: CPU seconds of each.
+        told: What answered, or the message, and how often.
+    """
+
+    verified: list[bool]
+    possible: list[bool]
+    seconds: list[float]
+    told: Counter[str]
 
 
 def load_generator() -> ModuleType:
@@ -97,26 +130,44 @@ def load_generator() -> ModuleType:
     return module
 
 
-def room(width: float) -> float:
+def room(width: float, diameter: float = DIAMETER) -> float:
     """Returns the room on each side of a robot in the middle of a place, mm."""
-    return 0.5 * DIAMETER * (width - 1.0)
+    return 0.5 * diameter * (width - 1.0)
 
 
-def behind(thickness: float, segments: int) -> tuple[float, float, float]:
-    """Returns a goal beside the axis behind a plate that the last segment reaches by an arc."""
-    return (thickness + 0.8 * SEGMENT, 0.4 * SEGMENT, 0.0) if segments > 1 else (thickness + SEGMENT, 0.0, 0.0)
+def goals_behind(thickness: float, length: float, segments: int) -> Iterator[tuple[str, tuple[float, ...], Any]]:
+    """Yields name, place and view of goals behind a plate that the robot reaches by an arc, mm."""
+    yield "ahead", (thickness + 0.5 * length, 0.0, 0.0), None
+    if segments > 1:
+        yield "beside", (thickness + 0.8 * SEGMENT, 0.4 * SEGMENT, 0.0), None
+        turned = 0.9 * length / BACK_RADIUS
+        place = (thickness + 2.0 + BACK_RADIUS * np.sin(turned), BACK_RADIUS * (1.0 - np.cos(turned)), 0.0)
+        yield "looking back", place, (np.cos(turned), np.sin(turned), 0.0)
+
+
+def behind(thickness: float) -> tuple[float, float, float]:
+    """Returns the goal beside the axis behind a plate."""
+    return (thickness + 0.8 * SEGMENT, 0.4 * SEGMENT, 0.0)
 
 
 def plates(make: ModuleType, quick: bool) -> Iterator[Case]:
     """Yields plates with one hole."""
+    robots = [("borescope", 2)] if quick else [("borescope", 1), ("borescope", 2), ("borescope", 3), ("inspection", 1)]
     for width in (1.3, 2.0) if quick else (1.15, 1.3, 1.6, 2.0):
         for thickness in (10.0,) if quick else (10.0, 30.0, 60.0):
-            mesh = make.make_plate(width * DIAMETER, thickness)
-            for segments in (2,) if quick else (1, 2, 3):
-                for gravity in ("none",) if quick else GRAVITY:
-                    label = f"plate {thickness:g} mm, {segments} segments, gravity {gravity}"
-                    goal = behind(thickness, segments)
-                    yield Case("plates", label, width, mesh, "obstacle", goal, 0.1 * room(width), segments, gravity)
+            for robot, segments in robots:
+                diameter, length = INSPECTION if robot == "inspection" else (DIAMETER, SEGMENT * segments)
+                mesh = make.make_plate(width * diameter, thickness)
+                for name, place, view in goals_behind(thickness, length, segments):
+                    for gravity in ("none",) if quick else GRAVITY:
+                        for rolls in (False,) if quick else (False, True):
+                            label = f"plate {thickness:g} mm, {robot} of {segments}, {name}, gravity {gravity}"
+                            label += ", roll free" if rolls else ""
+                            clearance = 0.1 * room(width, diameter)
+                            yield Case(
+                                "plates", label, width, mesh, "obstacle", place, clearance, segments, gravity, view,
+                                robot, rolls,
+                            )  # fmt: skip
 
 
 def elbows(make: ModuleType, quick: bool) -> Iterator[Case]:
@@ -135,7 +186,10 @@ def elbows(make: ModuleType, quick: bool) -> Iterator[Case]:
 def offset(make: ModuleType, _: bool) -> Iterator[Case]:
     """Yields two plates with offset holes."""
     mesh = make.make_plates(2.0 * DIAMETER, 5.0, 30.0, 6.0)
-    yield Case("offset", "two plates", 2.0, mesh, "obstacle", (65.0, 6.0, 0.0), 0.1 * room(2.0))
+    for goal in OFFSET_GOALS:
+        yield Case(
+            "offset", f"two plates, to {goal[0]:g}, {goal[1]:g} mm", 2.0, mesh, "obstacle", goal, 0.1 * room(2.0)
+        )
 
 
 def tube(make: ModuleType, _: bool) -> Iterator[Case]:
@@ -151,7 +205,7 @@ def impossible(make: ModuleType, quick: bool) -> Iterator[Case]:
     for width in (0.9,) if quick else (0.5, 0.7, 0.9, 0.95, 0.99, 1.0):
         for thickness in (10.0,) if quick else (10.0, 30.0):
             mesh = make.make_plate(width * DIAMETER, thickness)
-            yield Case("impossible", f"hole, {thickness:g} mm", width, mesh, "obstacle", behind(thickness, 2), 0.05)
+            yield Case("impossible", f"hole, {thickness:g} mm", width, mesh, "obstacle", behind(thickness), 0.05)
     for depth in (5.0,) if quick else (3.0, 5.0, 15.0, 25.0):
         mesh = make.make_plate(2.0 * DIAMETER, 30.0)
         yield Case("impossible", f"{depth:g} mm inside of a wall", 2.0, mesh, "obstacle", (depth, 15.0, 0.0), 0.1)
@@ -181,13 +235,16 @@ def open_session(folder: Path, case: Case, planner: str, limit: float) -> Planni
         goal = f"bending_n = {straight}\ninsertion_m = {1e-3 * case.goal}"
     else:
         goal = f"tip_position_m = {[float(1e-3 * value) for value in case.goal]}"
-    length = 1e-3 * SEGMENT * case.segments
+        if case.view is not None:
+            goal += f"\nview_direction = {[float(value) for value in case.view]}"
+    length = 1e-3 * case.length
     path = folder / "scenario.toml"
-    trained = case.segments == TRAINED_SEGMENTS
+    trained = case.robot == "inspection" or case.segments == TRAINED_SEGMENTS
+    model = f'shape_model = "{ROOT / "models/shape" / case.robot / "model.pt"}"\n' if trained else ""
     path.write_text(
         SCENARIO.format(
-            robot=ROOT / "models/robots/borescope.toml" if trained else write_robot(folder, case.segments),
-            model=f'shape_model = "{ROOT / "models/shape/borescope/model.pt"}"\n' if trained else "",
+            robot=ROOT / f"models/robots/{case.robot}.toml" if trained else write_robot(folder, case.segments),
+            model=model,
             validity="learned" if trained else "reference",
             gravity=list(GRAVITY[case.gravity]),
             mesh=mesh,
@@ -195,6 +252,7 @@ def open_session(folder: Path, case: Case, planner: str, limit: float) -> Planni
             entry="entry = { point_m = [0.0, 0.0, 0.0], normal = [1.0, 0.0, 0.0] }" if case.role == "cavity" else "",
             base=-(length + 0.005),
             travel=length + 0.07,
+            roll="roll_deg = [-180.0, 180.0]\n" if case.rolls else "",
             straight=straight,
             goal=goal,
             planner=planner,
@@ -205,19 +263,34 @@ def open_session(folder: Path, case: Case, planner: str, limit: float) -> Planni
     return PlanningSession(load_scenario(path))
 
 
-def run(case: Case, planner: str, seeds: int, limit: float) -> tuple[list[bool], list[float], Counter[str]]:
-    """Returns of each seed whether it ended verified and its CPU seconds, and what answered or the message."""
-    verified, seconds = [], []
-    told: Counter[str] = Counter()
+def run(case: Case, planner: str, seeds: int, limit: float) -> Answers:
+    """Returns what a case's seeds have come to."""
+    answers = Answers([], [], [], Counter())
     with tempfile.TemporaryDirectory() as folder:
         session = open_session(Path(folder), case, planner, limit)
         for seed in range(1, seeds + 1):
             begin = time.process_time()
             result = session.plan(session.scenario.with_planner(seed=seed))
-            seconds.append(time.process_time() - begin)
-            verified.append(result.status is PlanStatus.VERIFIED)
-            told[result.planner["answered_by"] if verified[-1] else result.message[:160]] += 1
-    return verified, seconds, told
+            answers.seconds.append(time.process_time() - begin)
+            answers.verified.append(result.status is PlanStatus.VERIFIED)
+            answers.possible.append(result.planner["goal_states"] > 0)
+            answered = result.planner["answered_by"] if answers.verified[-1] else result.message[:160]
+            answers.told[answered] += 1
+    return answers
+
+
+def summary(group: str, answers: list[Answers]) -> str:
+    """Returns a sentence on the queries of a group that have a goal state."""
+    possible = [flag for each in answers for flag in each.possible]
+    verified = [flag for each in answers for flag in each.verified]
+    seconds = [value for each in answers for value, flag in zip(each.seconds, each.possible, strict=True) if flag]
+    if not seconds:
+        return f"{group}: no goal state in any of {len(possible)} queries"
+    late = np.quantile(seconds, 0.95)
+    return (
+        f"{group}: {sum(verified)} of {sum(possible)} queries with a goal state verified, "
+        f"median {np.median(seconds):.2f} s, 95 % within {late:.2f} s; {len(possible) - sum(possible)} without one"
+    )
 
 
 def plot(rows: list[tuple[Case, str, float, float]], folder: Path) -> None:
@@ -250,6 +323,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--limit", type=float, default=20.0, help="time_limit_s, on the processor's clock")
     parser.add_argument("--only", default=",".join(groups))
+    parser.add_argument("--every", type=int, default=1, help="run each K-th place of a group")
     parser.add_argument("--planners", default="RRTConnect")
     parser.add_argument("--out", type=Path, help="folder for the picture")
     arguments = parser.parse_args()
@@ -260,16 +334,22 @@ def main() -> None:
         "| place | width / robot | planner | verified | median s | most s | what answered |\n"
         "|---|---|---|---|---|---|---|"
     )
+    sentences = []
     for group in arguments.only.split(","):
-        for case in groups[group](make, arguments.quick):
+        of_group = []
+        for case in itertools.islice(groups[group](make, arguments.quick), 0, None, arguments.every):
             for planner in arguments.planners.split(","):
-                verified, seconds, told = run(case, planner, seeds, arguments.limit)
+                found = run(case, planner, seeds, arguments.limit)
+                answered = found.told.most_common(1)[0][0]
                 print(
-                    f"| {group}: {case.label} | {case.width:.3g} | {planner} | {sum(verified)} of {seeds} "
-                    f"| {np.median(seconds):.2f} | {max(seconds):.2f} | {told.most_common(1)[0][0]} |",
+                    f"| {group}: {case.label} | {case.width:.3g} | {planner} | {sum(found.verified)} of {seeds} "
+                    f"| {np.median(found.seconds):.2f} | {max(found.seconds):.2f} | {answered} |",
                     flush=True,
                 )
-                rows.append((case, planner, float(np.mean(verified)), float(np.median(seconds))))
+                rows.append((case, planner, float(np.mean(found.verified)), float(np.median(found.seconds))))
+                of_group.append(found)
+        sentences.append(summary(group, of_group))
+    print("\n".join(sentences))
     late = [case.label for case, _, _, seconds in rows if case.group == "impossible" and seconds > ENDED_WITHIN_S]
     if "impossible" in arguments.only:
         print(f"impossible goals whose median end took more than {ENDED_WITHIN_S:g} s: {', '.join(late) or 'none'}")

@@ -62,11 +62,13 @@ def _free_distance(field, wall, body, positions, rotations, bound):  # type: ign
             least[part], most[part] = lower - reach[part], upper
             # The ball's middle belongs to the part, so the part is no farther than it.
             best = min(best, upper)
+    measured = False
     for part in np.argsort(least):
         if least[part] >= best:
             break
         first = body.part_first[part]
-        if reach[part] >= 0.0:
+        # Where the field says that the middle's distance rules nothing out, it is asked for a first bound alone.
+        if reach[part] >= 0.0 and not (measured and most[part] - reach[part] < best):
             part_ball(body, part, positions, rotations, centre)
             bound = min(most[part], best + reach[part]) * (1.0 + 1e-12)
             square, found = nearest_triangle(wall, centre[0], centre[1], centre[2], bound)
@@ -81,6 +83,7 @@ def _free_distance(field, wall, body, positions, rotations, bound):  # type: ign
             half = place_solid(body, index, positions, rotations, centre, axis)
             if half >= 0.0:
                 best = solid_distance(wall, body.round_ends[index], centre, axis, half, body.radius[index], best)
+        measured = True
     return best
 
 

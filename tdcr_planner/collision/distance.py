@@ -12,6 +12,8 @@ from tdcr_planner.compiled import njit
 
 # The derivative's root is bracketed to this share of an edge, far below what the squared distance can resolve.
 EDGE_TOLERANCE = 1e-13
+# Share by which a distance must be smaller to be looked for.
+EQUAL = 1e-9
 
 
 @njit(cache=True, nogil=True)
@@ -203,7 +205,7 @@ def triangle_distance(triangle, round_ends, centre, axis, half, radius):  # type
 
 
 @njit(cache=True, nogil=True)
-def _triangle_bound(triangle, centre, axis, half, radius):  # type: ignore[no-untyped-def]
+def triangle_bound(triangle, centre, axis, half, radius):  # type: ignore[no-untyped-def]
     """Returns a cheap lower bound on the distance of a triangle from a cylinder, m.
 
     The gaps between the two along the triangle's normal, along the axis, and from the axis towards the triangle.
@@ -235,7 +237,7 @@ def _triangle_bound(triangle, centre, axis, half, radius):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def _node_bound(tree, node, centre, axis, half, radius):  # type: ignore[no-untyped-def]
+def node_bound(tree, node, centre, axis, half, radius):  # type: ignore[no-untyped-def]
     """Returns a lower bound on the distance of a node's triangles from a cylinder, m.
 
     The gaps along the axis and from the axis towards the node's box are at right angles, so both count.
@@ -259,28 +261,33 @@ def _node_bound(tree, node, centre, axis, half, radius):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True)
 def solid_distance(tree, round_ends, centre, axis, half, radius, bound):  # type: ignore[no-untyped-def]
-    """Returns the distance of a solid from a mesh where below `bound`, otherwise `bound`, m; 0 where they meet."""
+    """Returns the distance of a solid from a mesh where below `bound`, otherwise `bound`, m; 0 where they meet.
+
+    It is right to a share of `EQUAL`: in a tube hundreds of triangles are as near as each other but for rounding.
+    """
     # A capsule is judged as the cylinder around it until its triangles are measured.
     tall = half + radius if round_ends else half
     best = bound
     stack = np.empty(STACK_SIZE, np.int64)
     least = np.empty(STACK_SIZE)
-    stack[0], least[0] = 0, _node_bound(tree, 0, centre, axis, tall, radius)
+    stack[0], least[0] = 0, node_bound(tree, 0, centre, axis, tall, radius)
     top = 1
     while top > 0 and best > 0.0:
         top -= 1
-        if least[top] >= best:
+        enough = (1.0 - EQUAL) * best
+        if least[top] >= enough:
             continue
         node = stack[top]
         start = tree.first[node]
         if tree.size[node] > 0:
             for f in range(start, start + tree.size[node]):
-                if _triangle_bound(tree.corners[f], centre, axis, tall, radius) >= best:
+                if triangle_bound(tree.corners[f], centre, axis, tall, radius) >= enough:
                     continue
                 best = min(best, triangle_distance(tree.corners[f], round_ends, centre, axis, half, radius))
+                enough = (1.0 - EQUAL) * best
             continue
-        left = _node_bound(tree, start, centre, axis, tall, radius)
-        right = _node_bound(tree, start + 1, centre, axis, tall, radius)
+        left = node_bound(tree, start, centre, axis, tall, radius)
+        right = node_bound(tree, start + 1, centre, axis, tall, radius)
         near, far = (start, start + 1) if left <= right else (start + 1, start)
         stack[top], least[top] = far, max(left, right)
         stack[top + 1], least[top + 1] = near, min(left, right)

@@ -1,9 +1,9 @@
-"""Room: an estimate of how far each part of a body is from the walls, negative inside of them, from distance fields.
+"""Room: an estimate of a point's distance from the walls, negative inside of them, from distance fields.
 
-It guides what moves colliding shapes to where they are free. Nothing rests on it: a state counts as free only when
-`CollisionScene.check` says so. Cells of a field at walls and in the middle between walls, where a straight line between
-nodes errs most, are split when a body first comes near them: the gaps of a narrow place are no wider than the field's
-spacing.
+It guides what moves colliding shapes to where they are free, see `part_room`. Nothing rests on it. Cells of a field at
+walls and in the middle between walls, where a straight line between nodes errs most, are split: the gaps of a narrow
+place are no wider than the field's spacing. The triangles nearest to a part's nodes are found when a body first comes
+there.
 """
 
 from __future__ import annotations
@@ -15,19 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import IntArray
-from tdcr_planner.collision.body import across, part_ball, place_solid
 from tdcr_planner.collision.containment import Side, entry_depth, is_wrong
 from tdcr_planner.collision.field import Field, front
 from tdcr_planner.collision.tree import TriangleTree, nearest_triangle, triangle_square_distance
 from tdcr_planner.compiled import njit
 
-RIM = 8  # points of a rim
 SPLIT = 3  # parts of a cell's edge
 NODES = (SPLIT + 1) ** 3
 NEAR = 1.0  # distance from the walls, in cells, up to which cells are split
 NEAR_GRID = 4.0  # distance from the box that holds all walls, in cells, up to which its faces' cells are split
 KINK = 0.9  # squared slope below which a cell is split: a distance has slope 1 but for kinks
-SPACING = 0.6  # of balls along a sleeve, in its radii: 5 % of the radius is what they miss between them at most
 MOST_SPLIT = 16_384  # cells of one field; more than that stay whole
 
 
@@ -36,8 +33,8 @@ class SplitCells(NamedTuple):
 
     Attributes:
         places: Place in `nearest` of the cell above each node of the field, -1 where it is whole, shape (n,).
-        nearest: Place in tree order of the triangle nearest to each node of a split cell, z fastest, shape
-            (MOST_SPLIT, NODES).
+        nearest: Place in tree order of the triangle nearest to each node of a split cell, z fastest, -1 where it is
+            not known yet, shape (MOST_SPLIT, NODES).
         used: How many cells have been split, shape (1,).
         facing: 1 where the triangles' normals point to the right side, -1 where away from it, 0 without sides.
     """
@@ -86,22 +83,33 @@ def _facing(field, wall, side):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _split(field, wall, x, y, z, nearest):  # type: ignore[no-untyped-def]
-    """Writes the triangle nearest to each node of the cell whose lower corner is a node of the field, at x, y, z."""
-    h = field.spacing / SPLIT
+def _fill(wall, nearest, x, y, z, h, ix, iy, iz):  # type: ignore[no-untyped-def]
+    """Writes the triangles nearest to those of a part's eight nodes that are not known yet.
+
+    Args:
+        wall: Tree of the walls.
+        nearest: Triangles nearest to the nodes of a cell, shape (NODES,), -1 where not known.
+        x: The cell's lower corner, m.
+        y: The corner.
+        z: The corner.
+        h: Length of the part's edge, m.
+        ix: Place of the part in the cell, 0 to SPLIT - 1.
+        iy: The place.
+        iz: The place.
+    """
     count = SPLIT + 1
     triangle = -1
-    for place in range(NODES):
-        px = x + place // (count * count) * h
-        py = y + place // count % count * h
-        pz = z + place % count * h
-        bound = np.inf
-        if triangle >= 0:
-            bound = math.sqrt(triangle_square_distance(px, py, pz, wall.corners[triangle])) * (1.0 + 1e-12)
-        _, found = nearest_triangle(wall, px, py, pz, bound)
-        if found >= 0:
-            triangle = found
-        nearest[place] = triangle
+    for corner in range(8):
+        jx, jy, jz = ix + (corner >> 2), iy + ((corner >> 1) & 1), iz + (corner & 1)
+        place = (jx * count + jy) * count + jz
+        if nearest[place] < 0:
+            px, py, pz = x + jx * h, y + jy * h, z + jz * h
+            bound = np.inf
+            if triangle >= 0:
+                bound = math.sqrt(triangle_square_distance(px, py, pz, wall.corners[triangle])) * (1.0 + 1e-12)
+            _, found = nearest_triangle(wall, px, py, pz, bound)
+            nearest[place] = found if found >= 0 else triangle
+        triangle = nearest[place]
 
 
 @njit(cache=True, nogil=True)
@@ -168,19 +176,17 @@ def _in_grid(field, wall, side, split, fine, sided, x, y, z):  # type: ignore[no
     if split.places[index] < 0:
         if split.used[0] >= MOST_SPLIT:
             return value
-        place = split.used[0]
-        _split(
-            field, wall, field.origin[0] + ix * h, field.origin[1] + iy * h, field.origin[2] + iz * h,
-            split.nearest[place],
-        )  # fmt: skip
-        split.places[index] = place
-        split.used[0] = place + 1
+        split.nearest[split.used[0]] = -1
+        split.places[index] = split.used[0]
+        split.used[0] += 1
+    nearest = split.nearest[split.places[index]]
+    low_x, low_y, low_z = field.origin[0] + ix * h, field.origin[1] + iy * h, field.origin[2] + iz * h
     ix, iy, iz = min(int(SPLIT * fx), SPLIT - 1), min(int(SPLIT * fy), SPLIT - 1), min(int(SPLIT * fz), SPLIT - 1)
+    _fill(wall, nearest, low_x, low_y, low_z, h / SPLIT, ix, iy, iz)
     count = SPLIT + 1
     return _from_triangles(
-        wall, side, split.facing, split.nearest[split.places[index]], (ix * count + iy) * count + iz, count * count,
-        count, x, y, z,
-    )  # fmt: skip
+        wall, side, split.facing, nearest, (ix * count + iy) * count + iz, count * count, count, x, y, z
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -207,101 +213,6 @@ def signed_at(field, wall, side, split, fine, x, y, z):  # type: ignore[no-untyp
     if field.rules[1] == 1 and sided:
         return -abs(value) - beyond
     return math.sqrt(value * value + beyond * beyond)
-
-
-@njit(cache=True, nogil=True)
-def _rim_room(field, wall, side, split, fine, centre, axis, first, second, shift, radius, room):  # type: ignore[no-untyped-def]
-    """Returns the least of `room` and the distances at points on a circle about a solid's axis."""
-    for k in range(RIM):
-        angle = 2.0 * math.pi * k / RIM
-        cosine, sine = radius * math.cos(angle), radius * math.sin(angle)
-        value = signed_at(
-            field, wall, side, split, fine,
-            centre[0] + shift * axis[0] + cosine * first[0] + sine * second[0],
-            centre[1] + shift * axis[1] + cosine * first[1] + sine * second[1],
-            centre[2] + shift * axis[2] + cosine * first[2] + sine * second[2],
-        )  # fmt: skip
-        room = min(room, value)
-    return room
-
-
-@njit(cache=True, nogil=True)
-def _solid_room(field, wall, side, split, fine, body, index, positions, rotations, centre, axis, room):  # type: ignore[no-untyped-def]
-    """Returns the least of `room` and a solid's: balls along a sleeve, the middle of a capsule, the rims of the rest.
-
-    Balls err by the square of their spacing, points of a rim by their spacing where an edge of a wall passes between.
-    """
-    half = place_solid(body, index, positions, rotations, centre, axis)
-    if half < 0.0:
-        return room
-    radius, kind = body.radius[index], body.kind[index]
-    if body.round_ends[index]:
-        return min(room, signed_at(field, wall, side, split, fine, centre[0], centre[1], centre[2]) - radius)
-    if kind == 3:
-        balls = math.ceil(2.0 * half / (SPACING * radius))
-        for k in range(balls):
-            shift = half * ((2.0 * k + 1.0) / balls - 1.0)
-            value = signed_at(
-                field, wall, side, split, fine,
-                centre[0] + shift * axis[0], centre[1] + shift * axis[1], centre[2] + shift * axis[2],
-            )  # fmt: skip
-            room = min(room, value - radius)
-        return room
-    first, second = across(axis)
-    # The tip and the shaft lead the way with their front ends; thick disks have two rims.
-    if index == 0 or kind == 4:
-        room = _rim_room(field, wall, side, split, fine, centre, axis, first, second, half, radius, room)
-    if kind == 4:
-        return room
-    if half > 0.5 * radius:
-        room = _rim_room(field, wall, side, split, fine, centre, axis, first, second, half, radius, room)
-        return _rim_room(field, wall, side, split, fine, centre, axis, first, second, -half, radius, room)
-    return _rim_room(field, wall, side, split, fine, centre, axis, first, second, 0.0, radius, room)
-
-
-@njit(cache=True, nogil=True)
-def part_rooms(field, wall, side, split, body, positions, rotations, rooms):  # type: ignore[no-untyped-def]
-    """Lowers each part's room, shape (n, q), m, to its estimated distance from one mesh, margins taken off.
-
-    Args:
-        field: The mesh's `Field`.
-        wall: Tree of the mesh's walls.
-        side: `Side` of the mesh.
-        split: `SplitCells` of the field, added to.
-        body: `BodyArrays`, with the margins that are to be kept.
-        positions: Disk centres, shape (n, d, 3), m, world frame.
-        rotations: world_from_disk, shape (n, d, 3, 3).
-        rooms: What is known so far; a part with more room than this is not looked at closely.
-    """
-    parts = len(body.part_first) - 1
-    centre, axis = np.empty(3), np.empty(3)
-    middle, cover = np.empty(parts), np.empty(parts)
-    # A sleeve covers the disks between its gaps, the tip's aside.
-    sleeve = parts > 1 and body.kind[body.part_first[1]] == 3
-    for row in range(len(positions)):
-        # A body of which a whole part is inside of a wall is far from where a closer look would matter.
-        fine = True
-        for part in range(parts):
-            cover[part] = part_ball(body, part, positions[row], rotations[row], centre)
-            middle[part] = 0.0
-            if cover[part] >= 0.0:
-                middle[part] = signed_at(field, wall, side, split, False, centre[0], centre[1], centre[2])
-                fine = fine and middle[part] > -cover[part]
-        for part in range(parts):
-            room = rooms[row, part]
-            if cover[part] >= 0.0:
-                if middle[part] - cover[part] >= room:
-                    continue
-                if middle[part] < -cover[part]:
-                    rooms[row, part] = middle[part] - cover[part]
-                    continue
-            if sleeve and part > 0 and body.kind[body.part_first[part]] == 0:
-                continue
-            for index in range(body.part_first[part], body.part_first[part + 1]):
-                room = _solid_room(
-                    field, wall, side, split, fine, body, index, positions[row], rotations[row], centre, axis, room
-                )
-            rooms[row, part] = room
 
 
 @njit(cache=True, nogil=True)

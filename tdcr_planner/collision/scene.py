@@ -18,8 +18,9 @@ from tdcr_planner.collision.containment import make_side, wrong_part
 from tdcr_planner.collision.field import CELLS, build_field, share_nodes
 from tdcr_planner.collision.meshes import SceneMesh, format_point
 from tdcr_planner.collision.narrow import BodyObjects, MeshObject
+from tdcr_planner.collision.part_room import HELD, part_rooms
 from tdcr_planner.collision.prover import ClearanceProver
-from tdcr_planner.collision.room import SplitCells, make_split_cells, part_rooms, signed_distance
+from tdcr_planner.collision.room import SplitCells, make_split_cells, signed_distance
 from tdcr_planner.collision.self_contact import make_self_pairs, near_pairs
 from tdcr_planner.collision.settle import screen, settle_batch
 from tdcr_planner.errors import InputError
@@ -345,16 +346,19 @@ class CollisionScene:
         best[~finite] = -np.inf
         return best
 
-    def part_rooms(self, positions: FloatArray, rotations: FloatArray, most: float) -> FloatArray:
+    def part_rooms(
+        self, positions: FloatArray, rotations: FloatArray, most: float, held: FloatArray | None = None
+    ) -> FloatArray:
         """Returns an estimate of each part's distance from the nearest surface, margins taken off, as a guide.
 
         It is negative where the part, grown by its margin, touches a surface or is on its wrong side: how deep. It is
-        no bound; see `collision.room`. Self-collision does not count.
+        no bound; see `collision.part_room`. Self-collision does not count.
 
         Args:
             positions: Disk centres, shape (n, d, 3), m, world frame.
             rotations: world_from_disk, shape (n, d, 3, 3).
             most: What is not exceeded, m: parts that have more are not looked at closely.
+            held: Written where given: where the parts with less than `most` have it, shape (n, q, `part_room.HELD`).
 
         Returns:
             Shape (n, q), m, in the order of `RobotBody.part_names`; minus infinity where a pose is not finite.
@@ -362,7 +366,10 @@ class CollisionScene:
         finite = np.isfinite(positions.sum(axis=(1, 2)) + rotations.sum(axis=(1, 2, 3)))
         if not finite.all():
             found = np.full((len(positions), len(self.body.part_names)), -np.inf)
-            found[finite] = self.part_rooms(positions[finite], rotations[finite], most)
+            places = None if held is None else held[finite]
+            found[finite] = self.part_rooms(positions[finite], rotations[finite], most, places)
+            if held is not None:
+                held[finite] = places
             return found
         rooms = np.full((len(positions), len(self.body.part_names)), float(most))
         if not self._split:
@@ -370,8 +377,9 @@ class CollisionScene:
                 make_split_cells(field, mesh.wall_tree, side)
                 for mesh, side, field in zip(self.meshes, self._sides, self._fields, strict=True)
             )
+        places = np.empty((0, 0, HELD)) if held is None else held
         for mesh, side, field, split in zip(self.meshes, self._sides, self._fields, self._split, strict=True):
-            part_rooms(field, mesh.wall_tree, side, split, self.body.arrays, positions, rotations, rooms)
+            part_rooms(field, mesh.wall_tree, side, split, self.body.arrays, positions, rotations, rooms, places)
         return rooms
 
     def nearest_mesh(self, point: ArrayLike) -> tuple[float, str]:

@@ -14,6 +14,7 @@ from tdcr_planner.collision.distance import solid_distance
 from tdcr_planner.collision.field import bounds_at, front
 from tdcr_planner.collision.first_look import SPARE
 from tdcr_planner.collision.first_ways import SLICES, look_at_ways
+from tdcr_planner.collision.swept import swept_free
 from tdcr_planner.collision.tree import nearest_triangle
 from tdcr_planner.compiled import njit
 
@@ -281,8 +282,9 @@ def prove_intervals(  # type: ignore[no-untyped-def]
 ):
     """Finds the intervals between neighbouring free states in which a part may come nearer to a mesh than it must.
 
-    A part is shown to be free in one of two ways. Balls about it are free all along the straight way, with what its
-    points stray from straight lines added to the distance that they must keep. Or, with a and b its slacks in the two
+    A part is shown to be free in one of three ways. Balls about it are free all along the straight way, with what its
+    points stray from straight lines added to the distance that they must keep. Or a cylinder that holds its places in
+    both states keeps that distance (`swept`). Or, with a and b its slacks in the two
     states and L the most that a point of it moves, a + b >= L: a point that has moved by p from its place in the first
     state is at most L - p from its place in the second, so that its slack is at least
     max(a - p, b - L + p) >= (a + b - L) / 2 (Schwarzer, Saha and Latombe 2005).
@@ -306,7 +308,7 @@ def prove_intervals(  # type: ignore[no-untyped-def]
     """
     parts = len(body.part_first) - 1
     start, end = np.empty(3), np.empty(3)
-    ends, frees = np.empty((32, 2)), np.empty((32, 2))
+    ends, frees, work = np.empty((32, 2)), np.empty((32, 2)), np.empty((8, 3))
     left_open = np.empty((len(order) - 1, parts), np.bool_)
     look_at_ways(field, body, required, positions, rotations, order, motion, stray, slack, moved, left_open)
     for row in range(len(order) - 1):
@@ -319,10 +321,11 @@ def prove_intervals(  # type: ignore[no-untyped-def]
             low, high = _disks_of(body, part)
             length = max(motion[row, low], motion[row, high])
             off = max(stray[row, low], stray[row, high])
-            if math.isfinite(off) and _part_way_free(
-                field, wall, side, body, part, required[part] + off + SPARE,
-                positions, rotations, i, j, start, end, ends, frees,
-            ):  # fmt: skip
+            kept = required[part] + off + SPARE
+            if math.isfinite(off) and (
+                _part_way_free(field, wall, side, body, part, kept, positions, rotations, i, j, start, end, ends, frees)
+                or swept_free(field, wall, side, body, part, kept, positions, rotations, i, j, work)
+            ):
                 continue
             if length <= exact_below and _slacks_suffice(
                 field, wall, side, body, part, required[part], positions, rotations, i, j, length, slack, exact
