@@ -21,9 +21,9 @@ from tdcr_planner.inspection.visibility import Visibility
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.roadmap_build import RoadmapBuilder
 from tdcr_planner.planning.scenario import Scenario
-from tdcr_planner.planning.scene import geometry_sha256
 from tdcr_planner.planning.validity import ValidityChecker
 from tdcr_planner.query.attempt import RULED_OUT_M
+from tdcr_planner.query.paths import tension_path
 from tdcr_planner.query.result import PlanResult, PlanStatus, library_versions
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.query.solved_states import SolvedStates
@@ -286,17 +286,12 @@ class _Query:
         statistics: dict[str, object],
     ) -> PlanResult:
         session, query = self._session, self._query
-        model = session.model(query.planner.validity)
-        hashes = {"scenario": query.sha256, "robot": query.robot.mechanics_hash}
-        hashes["geometry"] = geometry_sha256(session.meshes)
-        if hasattr(model, "sha256"):
-            hashes["shape_model"] = model.sha256
         return PlanResult(
             status=status,
             message=message,
             scenario=query,
             seed=query.planner.seed,
-            path=None if found is None else session.tension_path(query, found[1], ()),
+            path=None if found is None else tension_path(query, session.space, found[1], ()),
             verification=None if found is None else found[0],
             repairs=self._repairs,
             timings_s={
@@ -306,7 +301,7 @@ class _Query:
                 "total": self._load_s + time.monotonic() - self._begun,
             },
             planner={"name": PLANNER_NAME, **statistics},
-            hashes=hashes,
+            hashes=session.hashes(query),
             versions=library_versions(),
         )
 

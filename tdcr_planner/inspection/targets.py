@@ -140,11 +140,11 @@ def _spread_points(
     kept = inside.hold(points)
     if not kept.any():
         raise nothing
-    faces, points = possible[faces[kept]], points[kept]
+    faces, points = possible[faces[kept]], np.asarray(points[kept])
     chosen = thin_out(points, spacing)
     _, nearest = cKDTree(points[chosen]).query(points)
     normals = np.asarray(cross[faces[chosen]] / (2.0 * areas[faces[chosen]])[:, None], dtype=np.float64)
-    stands_for: FloatArray = each * np.bincount(nearest, minlength=len(chosen))
+    stands_for = np.asarray(each * np.bincount(nearest, minlength=len(chosen)), dtype=np.float64)
     return np.asarray(points[chosen]), normals, stands_for, faces[chosen]
 
 

@@ -96,7 +96,7 @@ def _cut(local: FloatArray, faces: IntArray, edge: float) -> tuple[IntArray, Flo
     limit = edge * local[:, 2]
     x, y = local[:, 0], local[:, 1]
     beyond = np.stack([x > limit, x < -limit, y > limit, y < -limit], axis=1)
-    inside = np.flatnonzero(~beyond[faces].all(axis=1).any(axis=1))
+    inside = np.flatnonzero(~np.asarray(beyond[faces].all(axis=1)).any(axis=1))
     count = np.zeros(len(faces), dtype=np.int64)
     count[inside] = ahead[faces[inside]].sum(axis=1)
     whole = np.flatnonzero(count == 3)
