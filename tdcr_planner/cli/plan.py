@@ -9,6 +9,7 @@ import tyro
 
 if TYPE_CHECKING:
     from tdcr_planner.query.result import PlanResult
+    from tdcr_planner.query.session import PlanningSession
 
 
 def plan(
@@ -82,12 +83,23 @@ def plan(
     with TimeBar("planning", session.scenario.planner.time_limit_s, shown=progress) as bar:
         result = session.plan(load_s=loaded, progress=bar.update)
     write_result_data(result, out)
-    print(describe(result), flush=True)
+    print(describe(result))
+    print(_without_mechanics(session, result), end="", flush=True)
     drawn = draw_after("the result", lambda: draw_result(result, out))
     print(f"files:     {out}/{' '.join(['result.json', 'trajectory.csv', *drawn, 'shapes.npz'])}")
     if result.path is None:
         print("           (no path: trajectory.csv and shapes.npz are empty)")
     return 0 if result.status is PlanStatus.VERIFIED else 1
+
+
+def _without_mechanics(session: PlanningSession, result: PlanResult) -> str:
+    """Returns a line on what constant curvature says of the path of a robot under load; empty for others."""
+    scenario = result.scenario
+    if result.path is None or not (scenario.gravity.any() or scenario.tip_force.any()):
+        return ""
+    from tdcr_planner.compare.along_path import arcs_along_path
+
+    return f"for comparison: {arcs_along_path(session, result)}\n"
 
 
 def _required_clearance(result: PlanResult) -> str:
