@@ -112,7 +112,8 @@ def imported(file: Path) -> frozenset[Path]:
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.startswith("tdcr_planner."):
             names.add(node.value.partition(":")[0])  # of a registry
-    paths = (ROOT / f"{name.replace('.', '/')}.py" for name in names if name.startswith("tdcr_planner."))
+    stems = [ROOT / name.replace(".", "/") for name in names if name.startswith("tdcr_planner.")]
+    paths = [path for stem in stems for path in (stem.with_name(f"{stem.name}.py"), stem / "__init__.py")]
     return frozenset(path for path in paths if path.exists())
 
 
