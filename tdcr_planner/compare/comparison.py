@@ -23,8 +23,8 @@ from tdcr_planner.compare.verdicts import (
     sample_configurations,
 )
 from tdcr_planner.errors import FormatError, InputError
+from tdcr_planner.planning.causes import CAUSES
 from tdcr_planner.planning.scenario import Scenario, Validity
-from tdcr_planner.planning.validity import CAUSES
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.shape.reference import ReferenceShape
 from tdcr_planner.shape.registry import SHAPE_MODELS

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.collision.scene import Verdict
 from tdcr_planner.limits import at_most
+from tdcr_planner.planning.causes import Codes
 from tdcr_planner.planning.scenario import Scenario, Validity
 from tdcr_planner.planning.spaces import ConfigurationSpace
-from tdcr_planner.planning.validity import Codes, Shapes, ValidityChecker
+from tdcr_planner.planning.validity import Shapes, ValidityChecker
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.shape.registry import SHAPE_MODELS
 

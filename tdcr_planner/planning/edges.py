@@ -10,9 +10,10 @@ from functools import lru_cache
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.planning.causes import CAUSES, Cause
 from tdcr_planner.planning.kernels import disk_motions, fill_intervals
 from tdcr_planner.planning.proved_edges import ProvedEdges
-from tdcr_planner.planning.validity import CAUSES, Cause, Scene, Shapes, ValidityChecker, disk_reaches
+from tdcr_planner.planning.validity import Scene, Shapes, ValidityChecker, disk_reaches
 
 _COARSE_STEPS = 4.0  # spacing of the first states of an edge, in steps
 _WIDEST_STEPS = 8.0  # motion, in steps, above which an interval is split however much room there is

@@ -1,15 +1,55 @@
-"""Objectives: what a path costs, as a weighted sum of its length, nearness to surfaces and tendon tensions."""
+"""Objectives: what a path costs, as a weighted sum of its length, nearness to surfaces and tendon tensions.
+
+An objective is added here: its weight to `Objective`, and what it costs at a configuration to `STATE_COSTS`.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.planning.scenario import Objective
-from tdcr_planner.planning.validity import ValidityChecker
+from tdcr_planner.files import FileModel, NotNegative
+
+if TYPE_CHECKING:
+    from tdcr_planner.planning.validity import ValidityChecker
 
 NEAR_M = 0.005  # clearance at which nearness has fallen to a half
 _REMEMBERED = 100_000
+
+
+class Objective(FileModel):
+    """Weights of what an optimising planner minimises.
+
+    Attributes:
+        length: Weight of the path length in the workspace, 1/m.
+        clearance: Weight of being near a surface.
+        effort: Weight of the tendon tensions, 1/N.
+    """
+
+    length: NotNegative = 1.0
+    clearance: NotNegative = 0.0
+    effort: NotNegative = 0.0
+
+
+def tension_sum(checker: ValidityChecker, row: FloatArray) -> float:
+    """Returns the sum of the tendon tensions at a configuration, N."""
+    return float(checker.actuate(row[None]).tensions.sum())
+
+
+def nearness(checker: ValidityChecker, row: FloatArray) -> float:
+    """Returns 1 at a surface, a half at `NEAR_M` of clearance, towards 0 far away; infinite without a shape."""
+    positions, rotations, solved = checker.world_poses(row[None])
+    if not solved[0]:
+        return float("inf")
+    gap = max(float(checker.scene.clearance(positions, rotations)[0]), 0.0)
+    return NEAR_M / (NEAR_M + gap)
+
+
+STATE_COSTS: dict[str, Callable[[ValidityChecker, FloatArray], float]] = {"effort": tension_sum, "clearance": nearness}
+"""What a metre of motion costs at a configuration, by the name of its weight."""
 
 
 class PathCost:
@@ -26,7 +66,9 @@ class PathCost:
     def __init__(self, weights: Objective, checker: ValidityChecker) -> None:
         """Prepares the cost; states are asked about when an edge needs them."""
         self.weights = weights
-        self.plain = weights.clearance == 0.0 and weights.effort == 0.0
+        stated = weights.model_dump()
+        self._terms = [(stated[name], cost) for name, cost in STATE_COSTS.items() if stated[name] > 0.0]
+        self.plain = not self._terms
         self._checker = checker
         self._scale = checker.motion_scale
         self._states: dict[bytes, float] = {}
@@ -52,13 +94,4 @@ class PathCost:
         return self._states[key]
 
     def _state(self, row: FloatArray) -> float:
-        cost = 0.0
-        if self.weights.effort > 0.0:
-            cost += self.weights.effort * float(self._checker.actuate(row[None]).tensions.sum())
-        if self.weights.clearance > 0.0:
-            positions, rotations, solved = self._checker.world_poses(row[None])
-            if not solved[0]:
-                return float("inf")
-            gap = max(float(self._checker.scene.clearance(positions, rotations)[0]), 0.0)
-            cost += self.weights.clearance * NEAR_M / (NEAR_M + gap)
-        return cost
+        return float(sum(weight * cost(self._checker, row) for weight, cost in self._terms))

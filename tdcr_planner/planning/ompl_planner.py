@@ -12,13 +12,13 @@ import numpy as np
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.edges import EdgeChecker
-from tdcr_planner.planning.goal import ConfigurationGoal, GoalSource, TipGoal
+from tdcr_planner.planning.goal import GoalSource
 from tdcr_planner.planning.objectives import PathCost
 from tdcr_planner.planning.offered import COMMON_PARAMETERS, FIRST_TREE, OMPL_TRAITS, planner_setters, require_ompl
 from tdcr_planner.planning.passage import Passage
 from tdcr_planner.planning.planner import Connector, Planner, Progress, SearchOutcome, SearchStatus, SearchTask
 from tdcr_planner.planning.refusals import impossible_tip, missed_entries
-from tdcr_planner.planning.scenario import Goal, Scenario
+from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.smoothing import path_cost, shorten
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.tour import best_order
@@ -95,7 +95,7 @@ class _Query:
         if problem:
             return self._outcome(SearchStatus.INVALID_START, f"the start is not valid: {problem}")
         for number, goal in enumerate(self.scenario.goals):
-            source = self._source(goal, number)
+            source = goal.kind.source(self.checker, goal, self.seed + 1000 * (number + 1))
             self.sources.append(source)
             problem = impossible_tip(self.checker, goal) or self._first_states(source)
             if problem:
@@ -199,11 +199,6 @@ class _Query:
         self.answered_by = "planner"
         return found
 
-    def _source(self, goal: Goal, number: int) -> GoalSource:
-        if goal.bending_n is not None:
-            return ConfigurationGoal(self.checker, self.space.row_of(goal))
-        return TipGoal(self.checker, goal, self.seed + 1000 * (number + 1))
-
     def _first_states(self, source: GoalSource) -> str:
         """Looks for goal states until there is one, the goal is known to be out of reach, or the time is over."""
         for attempt in itertools.count(1):
@@ -211,7 +206,7 @@ class _Query:
                 return ""
             source.search()
             problem = source.unreachable()
-            if problem and (attempt >= _FIRST_ROUNDS or isinstance(source, ConfigurationGoal)):
+            if problem and (attempt >= _FIRST_ROUNDS or source.exhausted()):
                 return problem
             if time.monotonic() >= self.deadline or (source.exhausted() and not source.rows):
                 return problem

@@ -26,6 +26,8 @@ from tdcr_planner.files import (
     sha256_of_file,
 )
 from tdcr_planner.limits import snap
+from tdcr_planner.planning.goal_kinds import GOAL_KINDS, GoalKind
+from tdcr_planner.planning.objectives import Objective
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
 from tdcr_planner.shape.registry import SHAPE_MODELS
@@ -183,34 +185,24 @@ class Goal(FileModel):
 
     @model_validator(mode="after")
     def _check_kind(self) -> Goal:
-        if (self.bending_n is None) == (self.tip_position_m is None):
-            raise ValueError("expected exactly one of bending_n and tip_position_m")
+        stated = {name for name, value in self if value is not None}
+        kinds = [kind for kind in GOAL_KINDS if kind.key in stated]
+        if len(kinds) != 1:
+            raise ValueError(f"expected exactly one of {' and '.join(kind.key for kind in GOAL_KINDS)}")
         given = self.model_fields_set
-        foreign = (
-            {"tip_tolerance_m", "view_direction", "view_tolerance_deg"}
-            if self.bending_n is not None
-            else {"insertion_m", "roll_deg"}
-        )
+        foreign = {key for kind in GOAL_KINDS for key in kind.other_keys} - kinds[0].other_keys
         if given & foreign:
-            kind = "a configuration (bending_n)" if self.bending_n is not None else "a tip position (tip_position_m)"
-            raise ValueError(f"{', '.join(sorted(given & foreign))} does not belong to a goal that is {kind}")
+            names = ", ".join(sorted(given & foreign))
+            raise ValueError(f"{names} does not belong to a goal that is {kinds[0].title}")
         if "view_tolerance_deg" in given and self.view_direction is None:
             raise ValueError("view_tolerance_deg needs a view_direction")
         return self
 
-
-class Objective(FileModel):
-    """Weights of what an optimising planner minimises.
-
-    Attributes:
-        length: Weight of the path length in the workspace, 1/m.
-        clearance: Weight of being near a surface.
-        effort: Weight of the tendon tensions, 1/N.
-    """
-
-    length: NotNegative = 1.0
-    clearance: NotNegative = 0.0
-    effort: NotNegative = 0.0
+    @property
+    def kind(self) -> GoalKind:
+        """What kind of goal it is."""
+        stated = {name for name, value in self if value is not None}
+        return next(kind for kind in GOAL_KINDS if kind.key in stated)
 
 
 class PlannerSettings(FileModel):
@@ -371,6 +363,10 @@ def load_scenario(path: str | Path) -> Scenario:
     """
     file = real_path(path)
     content = parse_table(ScenarioFile, read_toml(path), path)
+    if ":" in content.planner.name:
+        # Importing a module runs it: who opens a scenario has not asked for that.
+        problem = f"expected a planner's name, got {content.planner.name!r}: module:function goes on the command line"
+        raise FormatError(path, problem, "planner.name")
     robot = load_robot(find_named_file(file.parent / content.robot, path, "robot"))
     scenario = Scenario(file, sha256_of_file(file), _sized_for(robot, content), robot)
     _check_against_robot(scenario)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.planning.validity import CAUSES, Cause, ValidityChecker
+from tdcr_planner.planning.causes import CAUSES, Cause
+from tdcr_planner.planning.validity import ValidityChecker
 
 _TOUCHES = (Cause.OBSTACLE, Cause.CAVITY)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
 from typing import Any, Protocol, cast
 
@@ -12,53 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import BoolArray, FloatArray
-from tdcr_planner.collision.scene import Verdict
-from tdcr_planner.limits import ROUNDING, at_most
-from tdcr_planner.planning.kernels import actuate, actuation_tables, gap_curvatures, to_world
+from tdcr_planner.limits import ROUNDING
+from tdcr_planner.planning.causes import CAUSES, Cause, Codes
+from tdcr_planner.planning.kernels import actuate, actuation_tables, to_world
 from tdcr_planner.planning.margin_levels import Levels, MarginLevels
 from tdcr_planner.planning.reasons import contact_reason
+from tdcr_planner.planning.robot_limits import RobotLimits
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.base import ShapeModel
-
-Codes = NDArray[np.int8]
-
-
-class Cause(StrEnum):
-    """Why a configuration or an edge is rejected."""
-
-    OBSTACLE = "obstacle"
-    CAVITY = "cavity"
-    SELF_COLLISION = "self_collision"
-    NOT_FINITE = "nan"
-    TENSION_LIMIT = "tension_limit"
-    MODEL_DOMAIN = "model_domain"
-    NO_SHAPE = "statics"
-    TENDON_DISPLACEMENT = "tendon_displacement"
-    STRAIN = "strain"
-    RULED_OUT = "ruled_out"
-    EDGE = "edge"
-
-    @property
-    def code(self) -> int:
-        """The code of this cause in what `ValidityChecker.check` returns; 0 stands for a valid state."""
-        return _CODES[self]
-
-
-_VERDICTS = {
-    Cause.OBSTACLE: Verdict.OBSTACLE,
-    Cause.CAVITY: Verdict.CAVITY,
-    Cause.SELF_COLLISION: Verdict.SELF,
-    Cause.NOT_FINITE: Verdict.UNDEFINED,
-}
-_OTHERS = [cause for cause in Cause if cause not in _VERDICTS]
-# The scene's verdicts keep their codes; the causes that it does not know follow them.
-_CODES = {cause: int(verdict) for cause, verdict in _VERDICTS.items()} | {
-    cause: max(Verdict) + number for number, cause in enumerate(_OTHERS, start=1)
-}
-CAUSES = tuple(sorted(_CODES, key=lambda cause: _CODES[cause]))
-"""The causes in the order of their codes, of which the first is 1."""
 
 
 class Scene(Protocol):
@@ -351,90 +313,6 @@ class ValidityChecker:
         if not poses.solved.all():
             codes[~poses.solved] = Cause.NO_SHAPE.code
         return Shapes(codes, positions, rotations, levels)
-
-
-class RobotLimits:
-    """The limits that depend on the shape: tendon displacement and backbone strain."""
-
-    def __init__(self, robot: RobotSpec) -> None:
-        """Collects a robot's limits."""
-        self._spacing = np.diff(robot.arc_lengths)
-        self._displacement = np.array(
-            [
-                np.inf if segment.max_tendon_displacement_m is None else segment.max_tendon_displacement_m
-                for segment in (robot.segments[index] for index in robot.tendon_segments)
-            ]
-        )
-        backbones = [robot.segment_backbones[index] for index in robot.disk_segments[1:]]
-        self._radii = np.array([rod.radius_m for rod in backbones])
-        self._max_strain = np.array([np.inf if rod.max_strain is None else rod.max_strain for rod in backbones])
-        self._rest_curvature = np.array([rod.rest_curvature_1_m for rod in backbones])
-        self._offsets = robot.tendon_offsets
-        present = robot.tendon_segments[:, None] >= robot.disk_segments[None, 1:]
-        self._present = present * self._spacing
-        stretch = [robot.segments[index].tendon_axial_stiffness_n for index in robot.tendon_segments]
-        self._tendon_compliance = np.array(
-            [
-                0.0 if stiffness is None else robot.segment_ends[index] / stiffness
-                for stiffness, index in zip(stretch, robot.tendon_segments, strict=True)
-            ]
-        )
-        self._axial_compliance = np.array([1.0 / rod.stiffness_shear_extension[2] for rod in backbones])
-        self.any = bool(np.isfinite(self._displacement).any() or np.isfinite(self._max_strain).any())
-
-    def tendon_displacements(self, tensions: FloatArray, rotations: FloatArray) -> FloatArray:
-        """Returns how far each tendon is pulled out at the base against the unloaded robot at rest.
-
-        A tendon at constant offset r from a backbone of curvature u and axial strain e has the length
-        integral of 1 + e + (u x r)_z (Rucker and Webster 2011, tendon kinematics, to first order in the angle between
-        tendon and backbone); u is the mean between disks, e the tendons' compression, and the tendon's own stretch
-        adds. At rest u is the backbone's u*, so that u - u* is what displaces.
-
-        Args:
-            tensions: Shape (n, t), N.
-            rotations: Shape (n, d, 3, 3), any frame.
-
-        Returns:
-            Shape (n, t), m.
-        """
-        curvature = gap_curvatures(rotations, self._spacing) - self._rest_curvature
-        along_x = curvature[:, :, 0] @ self._present.T
-        along_y = curvature[:, :, 1] @ self._present.T
-        bent = along_y * self._offsets[:, 0] - along_x * self._offsets[:, 1]
-        present = self._present > 0.0
-        strain = (tensions @ present) * self._axial_compliance
-        return np.asarray(bent + strain @ self._present.T + tensions * self._tendon_compliance)
-
-    def bending_strain(self, rotations: FloatArray) -> FloatArray:
-        """Returns the backbone's bending strain between disks, radius x |u - u*|, shape (n, d - 1), dimensionless.
-
-        Args:
-            rotations: Shape (n, d, 3, 3), any frame.
-        """
-        bending = gap_curvatures(rotations, self._spacing)[:, :, :2] - self._rest_curvature[:, :2]
-        return np.asarray(self._radii * np.linalg.norm(bending, axis=2))
-
-    def check(self, tensions: FloatArray, rotations: FloatArray) -> Codes:
-        """Returns 0 or the code of the limit that is broken, shape (n,)."""
-        codes = np.zeros(len(tensions), dtype=np.int8)
-        kept = at_most(self.bending_strain(rotations), self._max_strain).all(axis=1)
-        codes[~kept] = Cause.STRAIN.code
-        kept = at_most(np.abs(self.tendon_displacements(tensions, rotations)), self._displacement).all(axis=1)
-        codes[~kept] = Cause.TENDON_DISPLACEMENT.code
-        return codes
-
-    @staticmethod
-    def explain(cause: Cause, robot: RobotSpec, tensions: FloatArray) -> str:
-        """Returns a sentence on a limit that is broken."""
-        if cause is Cause.TENSION_LIMIT:
-            worst = int(np.argmax(tensions - robot.max_tensions))
-            limit = robot.max_tensions[worst]
-            return f"{cause.value}: tendon {worst + 1} needs {tensions[worst]:.3g} N of at most {limit:.3g} N"
-        if cause is Cause.TENDON_DISPLACEMENT:
-            return f"{cause.value}: a tendon moves by more than max_tendon_displacement_m from where it is at rest"
-        if cause is Cause.STRAIN:
-            return f"{cause.value}: the backbone is bent from its rest curvature by more than max_strain"
-        return cause.value
 
 
 def motion_scale(checker: ValidityChecker, samples: int = 24, seed: int = 0) -> FloatArray:

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.errors import InputError
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.planner import SearchOutcome
@@ -17,16 +18,48 @@ from tdcr_planner.planning.timing import path_times
 from tdcr_planner.planning.validity import ValidityChecker
 from tdcr_planner.query.solved_states import SolvedStates
 
+# A planner's coordinates may be rounded by their scaling, far less than any drive resolves.
+_ROUNDING = 1e-6
+
+
+def check_outcome(query: Scenario, space: ConfigurationSpace, outcome: SearchOutcome) -> FloatArray:
+    """Returns the waypoints that a planner has found, shape (k, dimension), if they lead from the start to all goals.
+
+    Raises:
+        InputError: They do not; the message names the planner.
+    """
+    name, rows = f"the answer of planner {query.planner.name!r}", np.asarray(outcome.rows, dtype=np.float64)
+    if rows.ndim != 2 or not len(rows) or rows.shape[1] != space.dimension or not np.isfinite(rows).all():
+        raise InputError(name, f"finite rows of shape (k, {space.dimension})", f"shape {rows.shape}")
+    ends = [("start", rows[0], space.row_of(query.file.start))]
+    count = len(query.goals)
+    if sorted(outcome.order) != list(range(count)) or len(outcome.goals) != count:
+        got = f"goals {tuple(outcome.goals)} and order {tuple(outcome.order)}"
+        raise InputError(name, f"the row at which each of {count} goals is reached, in the order of travel", got)
+    if any(not 0 <= place < len(rows) for place in outcome.goals) or list(outcome.goals) != sorted(outcome.goals):
+        raise InputError(name, f"goals that are increasing indices below {len(rows)}", tuple(outcome.goals))
+    for place, number in zip(outcome.goals, outcome.order, strict=True):
+        if query.goals[number].bending_n is not None:
+            ends.append((f"goal {number + 1}", rows[place], space.row_of(query.goals[number])))
+    for end, row, wanted in ends:
+        if not np.allclose(row, wanted, rtol=0.0, atol=_ROUNDING):
+            raise InputError(name, f"the {end} {wanted.tolist()} on the path", row.tolist())
+    return rows
+
 
 def path_states(
     query: Scenario, checker: ValidityChecker, outcome: SearchOutcome
 ) -> tuple[FloatArray, list[tuple[int, Goal]]]:
-    """Returns a found path's states at most step_m apart, and which of them must reach which goal."""
-    assert outcome.rows is not None  # a path was found
+    """Returns a found path's states at most step_m apart, and which of them must reach which goal.
+
+    Raises:
+        InputError: The path does not lead from the start to all goals.
+    """
+    rows = check_outcome(query, checker.space, outcome)
     edges = EdgeChecker(checker, query.planner.step_m)
-    parts = [outcome.rows[:1]]
+    parts = [rows[:1]]
     index = [0]
-    for first, second in pairwise(outcome.rows):
+    for first, second in pairwise(rows):
         parts.append(edges.subdivide(first, second)[1:])
         index.append(index[-1] + len(parts[-1]))
     goals = [(index[place], query.goals[number]) for place, number in zip(outcome.goals, outcome.order, strict=True)]

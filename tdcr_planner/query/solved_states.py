@@ -10,7 +10,7 @@ import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.scene import CollisionScene
-from tdcr_planner.limits import at_most
+from tdcr_planner.planning.robot_limits import RobotLimits
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.statics.solver import RodSolution, solve_statics
@@ -77,15 +77,7 @@ class SolvedStates:
 
     def in_limits(self, robot: RobotSpec) -> BoolArray:
         """Returns which states keep the robot's limits on tension, tendon displacement and strain, shape (k,)."""
-        within = at_most(self.tensions, robot.max_tensions).all(axis=1)
-        for index, segment in enumerate(robot.segments):
-            if segment.max_tendon_displacement_m is not None:
-                columns = robot.tendon_segments == index
-                within &= at_most(np.abs(self.displacements[:, columns]), segment.max_tendon_displacement_m).all(axis=1)
-        for index, backbone in enumerate(robot.segment_backbones):
-            if backbone.max_strain is not None:
-                within &= at_most(self.strain[:, index], backbone.max_strain)
-        return np.asarray(within, dtype=np.bool_)
+        return RobotLimits(robot).hold(self.tensions, self.displacements, self.strain)
 
 
 class StateSolver:

@@ -162,22 +162,14 @@ class Verifier:
         return None
 
     def _judge_goals(self, states: SolvedStates, goals: Sequence[tuple[int, Goal]]) -> _Failure | None:
-        """Returns the first tip goal that the reference's tip misses, or None."""
+        """Returns the first goal that a state of the reference misses, or None."""
         for number, (state, goal) in enumerate(goals):
-            if goal.tip_position_m is None or not states.solved[state]:
+            if not states.solved[state]:
                 continue
-            where = f"state {state + 1} of {len(states.rows)}, goal {number + 1}"
-            distance = float(np.linalg.norm(states.positions[state, -1] - np.asarray(goal.tip_position_m)))
-            if distance > goal.tip_tolerance_m:
-                message = f"the tip is {1e3 * distance:.3f} mm off, allowed {1e3 * goal.tip_tolerance_m:.3f} mm"
-                return _Failure("goal", f"{where}: {message}", state)
-            if goal.view_direction is not None:
-                view = np.asarray(goal.view_direction) / np.linalg.norm(goal.view_direction)
-                axis = states.rotations[state, -1, :, 2]
-                angle = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(axis, view)), axis @ view)))
-                if angle > goal.view_tolerance_deg:
-                    message = f"the tip looks {angle:.2f} degrees aside, allowed {goal.view_tolerance_deg:.2f}"
-                    return _Failure("goal", f"{where}: {message}", state)
+            problem = goal.kind.miss(goal, states.positions[state, -1], states.rotations[state, -1])
+            if problem:
+                where = f"state {state + 1} of {len(states.rows)}, goal {number + 1}"
+                return _Failure("goal", f"{where}: {problem}", state)
         return None
 
     def _show(self, states: SolvedStates, apart: FloatArray, shown: BoolArray) -> BoolArray:

@@ -16,7 +16,7 @@ from tdcr_planner.compare.paths import path_rates
 from tdcr_planner.compare.verdicts import REFERENCE_VERDICTS, Variant
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import FileModel, parse_table, read_json, write_folder_whole
-from tdcr_planner.planning.validity import CAUSES
+from tdcr_planner.planning.causes import CAUSES
 from tdcr_planner.query.result import library_versions
 from tdcr_planner.rates import quantiles, ratio_at_least
 from tdcr_planner.report.compare_plots import compare_drawings

@@ -6,6 +6,7 @@ import json
 import math
 import shutil
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +29,6 @@ from tdcr_planner.report.viewpoint import choose_camera
 TRAJECTORY_FORMAT = "tdcr-trajectory/1"
 
 
-PICTURE_ENDINGS = (".png", ".glb", ".gif", ".mp4")
-RESULT_ENDINGS = (".json", ".csv", ".npz")
-
-
 def check_export(file: str | Path, *, has_result: bool, name: str = "file") -> None:
     """Checks that a file can be exported, before anything is written.
 
@@ -42,15 +39,16 @@ def check_export(file: str | Path, *, has_result: bool, name: str = "file") -> N
 
     Raises:
         InputError: An ending that no export has, or one that needs a result where there is none.
-        FormatError: An MP4 where there is no ffmpeg.
+        FormatError: A program that the format needs is not there.
     """
     target = Path(file)
-    endings = PICTURE_ENDINGS + (RESULT_ENDINGS if has_result else ())
+    endings = [kind.ending for kind in EXPORT_FORMATS.values() if has_result or not kind.needs_result]
     if target.suffix.lower() not in endings:
         what = "" if has_result else " (a scenario has no trajectory)"
         raise InputError(name, f"a name that ends in {', '.join(endings)}{what}", repr(target.name))
-    if target.suffix.lower() == ".mp4" and not shutil.which("ffmpeg"):
-        raise FormatError(target, "an MP4 needs ffmpeg on the PATH; a .gif does not")
+    program = EXPORT_FORMATS[target.suffix.lower()].program
+    if program and not shutil.which(program):
+        raise FormatError(target, f"an {target.suffix[1:].upper()} needs {program} on the PATH; a .gif does not")
 
 
 def export_picture(picture: Picture, file: str | Path, result: PlanResult | None = None) -> None:
@@ -58,26 +56,16 @@ def export_picture(picture: Picture, file: str | Path, result: PlanResult | None
 
     Args:
         picture: What is shown.
-        file: .png, .glb (scene and path), .gif or .mp4 (animation), .json or .csv (trajectory) or .npz (all shapes).
-        result: The answer to a query, which .json, .csv and .npz need.
+        file: A name with an ending of `EXPORT_FORMATS`.
+        result: The answer to a query, which some formats need.
 
     Raises:
         InputError: Another ending, or one that needs a result where there is none.
-        FormatError: The file cannot be written, or there is no ffmpeg for an MP4.
+        FormatError: The file cannot be written, or a program that the format needs is not there.
     """
     check_export(file, has_result=result is not None)
-    writers: dict[str, Callable[[Path], None]] = {
-        ".png": lambda path: write_png(picture, path),
-        ".glb": lambda path: write_glb(picture, path),
-        ".gif": lambda path: write_animation(picture, path),
-        ".mp4": lambda path: write_animation(picture, path),
-    }
-    if result is not None:
-        writers[".json"] = lambda path: write_trajectory_json(result, path)
-        writers[".csv"] = lambda path: write_trajectory_csv(result, path)
-        writers[".npz"] = lambda path: write_shapes(result, path)
     with write_file_whole(file) as temporary:
-        writers[Path(file).suffix.lower()](temporary)
+        EXPORT_FORMATS[Path(file).suffix.lower()].write(picture, result, temporary)
 
 
 def write_trajectory_json(result: PlanResult, file: str | Path) -> None:
@@ -166,3 +154,35 @@ def write_animation(
 
 def _clearance_note(clearance: FloatArray | float) -> str:
     return f"   clearance {1e3 * float(clearance):.2f} mm" if np.isfinite(clearance) else ""
+
+
+@dataclass(frozen=True)
+class ExportFormat:
+    """A format that results and scenes are exported in.
+
+    Attributes:
+        ending: The ending of a file's name.
+        write: Writes picture and result, which is None for a scenario, to a file.
+        needs_result: Whether it has nothing to say of a scenario.
+        program: The program that it needs; empty for none.
+    """
+
+    ending: str
+    write: Callable[[Picture, Any, Path], None]
+    needs_result: bool = False
+    program: str = ""
+
+
+EXPORT_FORMATS = {
+    kind.ending: kind
+    for kind in (
+        ExportFormat(".png", lambda picture, _, file: write_png(picture, file)),
+        ExportFormat(".glb", lambda picture, _, file: write_glb(picture, file)),
+        ExportFormat(".gif", lambda picture, _, file: write_animation(picture, file)),
+        ExportFormat(".mp4", lambda picture, _, file: write_animation(picture, file), program="ffmpeg"),
+        ExportFormat(".json", lambda _, result, file: write_trajectory_json(result, file), needs_result=True),
+        ExportFormat(".csv", lambda _, result, file: write_trajectory_csv(result, file), needs_result=True),
+        ExportFormat(".npz", lambda _, result, file: write_shapes(result, file), needs_result=True),
+    )
+}
+"""The formats by ending; a format is added here."""

@@ -9,8 +9,10 @@ import numpy as np
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.collision.scene import CollisionScene, Contact, Verdict
 from tdcr_planner.errors import DomainError
+from tdcr_planner.planning.causes import CAUSES
+from tdcr_planner.planning.robot_limits import RobotLimits
 from tdcr_planner.planning.scenario import Validity
-from tdcr_planner.planning.validity import CAUSES, RobotLimits, planning_margins
+from tdcr_planner.planning.validity import planning_margins
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.shape.base import ShapeModel
 from tdcr_planner.shape.registry import SHAPE_MODELS

@@ -213,7 +213,8 @@ def _split(convention: Convention, count: int, disks: int, answers: list[Any]) -
     if convention.outputs_joined:
         names = [name for name in convention.outputs if name != "ignored"]
         whole = _numbers("the joined answer", answers[0], count, disks, sum(WIDTHS[name] for name in names), more=True)
-        parts, at = {}, 0
+        parts: dict[str, FloatArray] = {}
+        at = 0
         for name in names:
             parts[name] = whole[:, :, at : at + WIDTHS[name]]
             at += WIDTHS[name]

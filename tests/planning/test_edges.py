@@ -8,14 +8,9 @@ import pytest
 from tdcr_planner.collision.body import RobotBody
 from tdcr_planner.collision.meshes import SceneMesh
 from tdcr_planner.collision.scene import CollisionScene
+from tdcr_planner.planning.causes import Cause
 from tdcr_planner.planning.edges import EdgeChecker, _ends_first
-from tdcr_planner.planning.validity import (
-    Cause,
-    ValidityChecker,
-    planning_margins,
-    rejections,
-    sample_within_tensions,
-)
+from tdcr_planner.planning.validity import ValidityChecker, planning_margins, rejections, sample_within_tensions
 
 MOVING_BASE = {"insertion_m": [0.0, 0.1], "roll_deg": [-180.0, 180.0]}
 WALL_M = 1e-4

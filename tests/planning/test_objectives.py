@@ -5,9 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from tdcr_planner.planning.objectives import NEAR_M, PathCost
+from tdcr_planner.planning.objectives import NEAR_M, Objective, PathCost
 from tdcr_planner.planning.planners import search
-from tdcr_planner.planning.scenario import Objective
 from tdcr_planner.planning.smoothing import path_cost
 
 POST = [[[0.06, 0.06, 0.12], [0.10, 0.10, 0.17]]]

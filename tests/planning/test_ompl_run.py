@@ -12,10 +12,9 @@ import pytest
 
 from tdcr_planner.planning import ompl_run
 from tdcr_planner.planning.goal import ConfigurationGoal
-from tdcr_planner.planning.objectives import PathCost
+from tdcr_planner.planning.objectives import Objective, PathCost
 from tdcr_planner.planning.offered import OMPL_TRAITS as PLANNERS
 from tdcr_planner.planning.ompl_run import PlannerRun
-from tdcr_planner.planning.scenario import Objective
 from tdcr_planner.planning.smoothing import path_cost
 
 POST = [[[0.06, 0.06, 0.12], [0.10, 0.10, 0.17]]]

@@ -67,6 +67,10 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
     ),
     ({"robot": "nobot.toml"}, "scenario.toml: robot: no such file: /"),
     ({"base": {"insertion_m": [0, 160]}}, "base.insertion_m: a travel of 160 m is 800 times the robot's length"),
+    (
+        {"planner": {"name": "os:system", "validity": "reference"}},
+        "planner.name: expected a planner's name, got 'os:system'",
+    ),
     ({"start": {"bending_n": [0.4, 0.0]}}, "start.bending_n: expected a row [x, y] a segment, such as [[0.4, 0.0]]"),
     ({"gravity_m_s2": 9.81}, "gravity_m_s2: expected a list, got 9.81"),
     ({"start": 0.0}, "start: expected a table of keys, got 0.0"),

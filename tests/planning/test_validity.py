@@ -3,7 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tdcr_planner.planning.validity import CAUSES, Cause, RobotLimits, ValidityChecker, planning_margins, rejections
+from tdcr_planner.planning.causes import CAUSES, Cause
+from tdcr_planner.planning.robot_limits import RobotLimits
+from tdcr_planner.planning.validity import ValidityChecker, planning_margins, rejections
 from tdcr_planner.robot import load_robot
 from tdcr_planner.shape.base import DiskPoses
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape

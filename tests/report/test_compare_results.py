@@ -10,7 +10,7 @@ from tdcr_planner.compare.paths import PlannedPath
 from tdcr_planner.compare.timing import CheckTime
 from tdcr_planner.compare.verdicts import MODELS, Verdicts, variants_of
 from tdcr_planner.errors import FormatError
-from tdcr_planner.planning.validity import Cause
+from tdcr_planner.planning.causes import Cause
 from tdcr_planner.report.compare_results import (
     agreement_rows,
     comparison_content,

@@ -21,12 +21,15 @@ from tdcr_planner.statics.solver import solve_statics
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("paper", "inspection", "two_segment")
-# Median and 99th percentile of the position error, mm, and median rotation error, degrees, that a shipped model keeps.
-TARGETS = {"paper": (0.01, 0.3, 0.01), "inspection": (0.05, 0.3, 0.03), "two_segment": (0.1, 0.6, 0.06)}
 
 
 @pytest.fixture(scope="module", params=NAMES)
 def model(request) -> LearnedShape:
+    return load_shape_model(ROOT / f"models/shape/{request.param}/model.pt")
+
+
+@pytest.fixture(scope="module", params=(*NAMES, "borescope"))
+def shipped(request) -> LearnedShape:
     return load_shape_model(ROOT / f"models/shape/{request.param}/model.pt")
 
 
@@ -54,7 +57,8 @@ def test_is_a_shape_model(model):
     assert len(model.sha256) == 64
 
 
-def test_keeps_its_promises_on_unseen_cases(model):
+def test_keeps_its_promises_on_unseen_cases(shipped):
+    model = shipped
     tensions, gravity, tip_force = uniform_cases(model, 1500, 77)
     poses = model.disk_poses(tensions, gravity=gravity, tip_force=tip_force)
     reference = solve_statics(model.robot, tensions, gravity=gravity, tip_force=tip_force)
@@ -62,10 +66,11 @@ def test_keeps_its_promises_on_unseen_cases(model):
     assert ok.mean() > 0.99
     distance = np.linalg.norm(poses.positions - reference.positions, axis=2)[ok]
     angle = rotation_distance(poses.rotations[ok], reference.rotations[ok])
-    median, high, turned = TARGETS[model.card.robot.name]
-    assert 1e3 * np.median(distance[:, 1:]) < median
-    assert 1e3 * np.quantile(distance[:, 1:], 0.99) < high
-    assert np.degrees(np.median(angle[:, 1:])) < turned
+    # Three times what the card states, disk by disk: other cases than the card's, and fewer of them.
+    stated = next(accuracy for accuracy in model.card.accuracy if accuracy.sample == "uniform")
+    assert (1e3 * np.median(distance, axis=0) <= 3.0 * np.array(stated.position_median_mm)).all()
+    assert (1e3 * np.quantile(distance, 0.99, axis=0) <= 3.0 * np.array(stated.position_p99_mm)).all()
+    assert (np.degrees(np.median(angle, axis=0)) <= 3.0 * np.array(stated.rotation_median_deg) + 1e-6).all()
     body = distance + model.robot.disk_radii * 2.0 * np.sin(0.5 * angle)
     outside = (body > model.error_bound).any(axis=1).sum()
     # alpha = 0.001: 1.5 cases are expected, more than 8 have a probability below 1e-4 (binomial).
@@ -73,15 +78,17 @@ def test_keeps_its_promises_on_unseen_cases(model):
     assert poses.solved.all()
 
 
-def test_torchscript_and_compiled_path_agree(model):
+def test_torchscript_and_compiled_path_agree(shipped):
     import torch
 
+    model = shipped
     cases = uniform_cases(model, 33, 3)
     fast = model.disk_poses(cases[0], gravity=cases[1], tip_force=cases[2])
     with torch.inference_mode():
         positions, rotations = model.torch_module(*(torch.as_tensor(array) for array in cases))
-    np.testing.assert_allclose(fast.positions, positions.numpy(), atol=1e-5)
-    np.testing.assert_allclose(fast.rotations, rotations.numpy(), atol=1e-4)
+    # Single precision in the network; the Newton step shrinks what it rounds away.
+    np.testing.assert_allclose(fast.positions, positions.numpy(), rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(fast.rotations, rotations.numpy(), rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("count", [2, 8, 13])

@@ -100,7 +100,6 @@ def test_goes_on_after_a_kill(suite, fake_jobs, tmp_path):
             time.sleep(0.02)
         os.kill(process.pid, signal.SIGKILL)
     before = _lines(out) - 1
-    time.sleep(0.5)  # the workers see their parent's end and finish what they have
     outcome = run_sweep(suite, out, local_backend(1), function=fake_jobs.log_run)
     assert outcome.complete
     assert outcome.resumed == before

@@ -1,0 +1,161 @@
+"""What holds for all files: each module has its tests, functions are short and take few arguments."""
+
+import ast
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "tdcr_planner"
+MOST_LINES, MOST_PARAMETERS = 100, 10
+
+# Modules without a test file of their own name, and the file whose tests cover them.
+COVERED = {
+    "cli/backend.py": "cli/test_sweep.py",
+    "cli/commands.py": "cli/test_main.py",
+    "cli/evaluate.py": "learning/test_evaluate.py",
+    "cli/info.py": "cli/test_main.py",
+    "cli/pictures.py": "cli/test_plan.py",
+    "cli/solve.py": "cli/test_main.py",
+    "cli/vectors.py": "cli/test_main.py",
+    "cli/verify.py": "cli/test_main.py",
+    "cli/view.py": "report/test_view.py",
+    "cluster.py": "sweep/test_cluster.py",
+    "collision/containment.py": "collision/test_field.py",
+    "collision/first_look.py": "collision/test_scene.py",
+    "collision/first_ways.py": "collision/test_slack.py",
+    "collision/mesh_files/gltf_buffers.py": "collision/mesh_files/test_gltf.py",
+    "collision/mesh_files/gltf_schema.py": "collision/mesh_files/test_gltf.py",
+    "collision/mesh_files/source.py": "collision/mesh_files/test_registry.py",
+    "collision/mesh_files/threemf_model.py": "collision/mesh_files/test_threemf.py",
+    "collision/narrow.py": "collision/test_scene.py",
+    "collision/prover.py": "collision/test_slack.py",
+    "collision/roles.py": "integration/test_plugins.py",
+    "collision/self_contact.py": "collision/test_scene.py",
+    "collision/self_slack.py": "collision/test_slack.py",
+    "collision/settle.py": "collision/test_scene.py",
+    "collision/tree.py": "collision/test_distance.py",
+    "learning/limit_use.py": "learning/test_dataset.py",
+    "learning/loads.py": "learning/test_settings.py",
+    "learning/paper_physics.py": "learning/test_paper.py",
+    "learning/paper_points.py": "learning/test_paper.py",
+    "linked.py": "test_machine_code.py",
+    "planning/causes.py": "planning/test_validity.py",
+    "planning/goal_kinds.py": "planning/test_scenario.py",
+    "planning/goal_room.py": "planning/test_goal.py",
+    "planning/kernels.py": "planning/test_validity.py",
+    "planning/offered.py": "planning/test_planners.py",
+    "planning/passage.py": "planning/test_retraction.py",
+    "planning/path.py": "query/test_session.py",
+    "planning/planner.py": "planning/test_planners.py",
+    "planning/relaxation.py": "planning/test_retraction.py",
+    "planning/roadmap_build.py": "planning/test_roadmap.py",
+    "planning/roadmap_way.py": "planning/test_roadmap.py",
+    "planning/robot_limits.py": "planning/test_validity.py",
+    "planning/shortfall.py": "planning/test_goal.py",
+    "query/answer.py": "query/test_session.py",
+    "query/environment.py": "query/test_session.py",
+    "query/solved_states.py": "query/test_verification.py",
+    "query/verification_report.py": "query/test_verification.py",
+    "report/compare_plots.py": "report/test_compare_results.py",
+    "report/guide_marks.py": "report/test_scene_png.py",
+    "report/legend.py": "report/test_scene_html.py",
+    "report/model_plots.py": "learning/test_evaluate.py",
+    "report/ompl_log.py": "report/test_sweep_results.py",
+    "report/picture.py": "report/test_view.py",
+    "report/plots.py": "report/test_results.py",
+    "report/reference_poses.py": "report/test_results.py",
+    "report/robustness_results.py": "cli/test_robustness.py",
+    "report/scene_figure.py": "report/test_scene_html.py",
+    "report/scene_image.py": "report/test_scene_png.py",
+    "report/state_files.py": "report/test_export.py",
+    "report/sweep_plots.py": "report/test_sweep_results.py",
+    "report/tables.py": "report/test_sweep_results.py",
+    "report/time_traces.py": "report/test_scene_html.py",
+    "shape/base.py": "shape/test_constant_curvature.py",
+    "shape/card.py": "shape/test_model_file.py",
+    "shape/paper_network.py": "learning/test_paper.py",
+    "shape/registry.py": "integration/test_plugins.py",
+    "shape/shooting.py": "shape/test_learned.py",
+    "shape/shooting_network.py": "shape/test_learned.py",
+    "shape/torch_module.py": "shape/test_learned.py",
+    "statics/kernels.py": "statics/test_solver.py",
+    "statics/loads.py": "statics/test_solver.py",
+    "statics/rod.py": "statics/test_solver.py",
+}
+# Functions that are longer than most, each a loop that does not come apart without handing its state about.
+LONG = {
+    "collision/first_ways.py": {"look_at_ways"},
+    "statics/kernels.py": {"strain_hessian", "solve_strain", "sweep"},
+}
+
+
+def modules() -> list[str]:
+    return [str(file.relative_to(PACKAGE)) for file in sorted(PACKAGE.rglob("*.py")) if file.name != "__init__.py"]
+
+
+def mirror(module: str) -> Path:
+    path = ROOT / "tests" / module
+    return path.with_name(f"test_{path.name}")
+
+
+@cache
+def imported(file: Path) -> frozenset[Path]:
+    """Returns the package's files that a file imports, anywhere in it."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.startswith("tdcr_planner."):
+            names.add(node.value.partition(":")[0])  # of a registry
+    stems = [ROOT / name.replace(".", "/") for name in names if name.startswith("tdcr_planner.")]
+    paths = [path for stem in stems for path in (stem.with_name(f"{stem.name}.py"), stem / "__init__.py")]
+    return frozenset(path for path in paths if path.exists())
+
+
+def reached(file: Path) -> set[Path]:
+    """Returns the package's files that a test file and the conftest files above it import, directly or not."""
+    open_files = [file, *(folder / "conftest.py" for folder in file.parents if (folder / "conftest.py").exists())]
+    found: set[Path] = set()
+    while open_files:
+        for path in imported(open_files.pop()) - found:
+            found.add(path)
+            open_files.append(path)
+    return found
+
+
+def functions(module: str) -> Iterator[ast.FunctionDef]:
+    for node in ast.walk(ast.parse((PACKAGE / module).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef):
+            yield node
+
+
+def is_compiled(function: ast.FunctionDef) -> bool:
+    return any(ast.unparse(decorator).startswith("njit") for decorator in function.decorator_list)
+
+
+def test_every_module_has_tests_of_its_name_or_is_named_as_covered() -> None:
+    bare = [module for module in modules() if not mirror(module).exists() and module not in COVERED]
+    assert not bare, f"write tests/.../test_<name>.py for these or name their tests in COVERED: {bare}"
+
+
+@pytest.mark.parametrize(("module", "tests"), COVERED.items())
+def test_the_table_of_covered_modules_is_true(module: str, tests: str) -> None:
+    assert (PACKAGE / module).exists(), "there is no such module"
+    assert not mirror(module).exists(), f"it has tests of its own: {mirror(module)}"
+    assert PACKAGE / module in reached(ROOT / "tests" / tests), f"{tests} imports nothing that leads to it"
+
+
+@pytest.mark.parametrize("module", modules())
+def test_functions_are_short_and_take_few_arguments(module: str) -> None:
+    for function in functions(module):
+        lines = (function.end_lineno or function.lineno) - function.lineno + 1
+        allowed = function.name in LONG.get(module, ())
+        assert lines <= MOST_LINES or allowed, f"{function.name} has {lines} lines, allowed are {MOST_LINES}"
+        arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+        count = len([argument for argument in arguments if argument.arg not in ("self", "cls")])
+        assert count <= MOST_PARAMETERS or is_compiled(function), f"{function.name} takes {count} arguments"
