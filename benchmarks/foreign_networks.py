@@ -316,6 +316,110 @@ class TableOutputs(nn.Module):
         return {"rotations": rotations, "positions": positions}
 
 
+class Converted(nn.Module):
+    """The arc in another convention."""
+
+    def __init__(
+        self,
+        robot: RobotSpec,
+        *,
+        scale: float = 1.0,
+        order: Tuple[int, ...] = (0, 1, 2),  # noqa: UP006
+        turn_deg: float = 0.0,
+        transposed: bool = False,
+        reverse: bool = False,
+    ) -> None:
+        super().__init__()
+        self.arc = Arc(robot)
+        self.scale, self.transposed, self.reverse = scale, transposed, reverse
+        self.register_buffer("order", torch.tensor(order))
+        angle = torch.deg2rad(torch.tensor(turn_deg, dtype=torch.float64))
+        c, s = torch.cos(angle).item(), torch.sin(angle).item()
+        turn = torch.tensor([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], dtype=torch.float64)
+        self.register_buffer("turn", turn)
+
+    def forward(self, tensions: Tensor) -> Tuple[Tensor, Tensor]:  # noqa: UP006
+        positions, rotations = self.arc(tensions[:, self.order])
+        positions = self.scale * torch.matmul(positions, self.turn.t())
+        rotations = torch.matmul(torch.matmul(self.turn, rotations), self.turn.t())
+        if self.transposed:
+            rotations = rotations.transpose(2, 3)
+        if self.reverse:
+            positions, rotations = positions.flip(1), rotations.flip(1)
+        return positions, rotations
+
+
+class Quaternions(nn.Module):
+    """Positions and quaternions side by side, without the base; `x` says nothing of what it takes."""
+
+    def __init__(self, robot: RobotSpec) -> None:
+        super().__init__()
+        self.arc = Arc(robot)
+
+    def forward(self, x: Tensor) -> Tensor:
+        positions, rotations = self.arc(x)
+        half = 0.5 * torch.acos(rotations[:, :, 2, 2].clamp(-1.0, 1.0))
+        axis = torch.stack([-rotations[:, :, 1, 2], rotations[:, :, 0, 2]], dim=2)
+        axis = axis / (torch.linalg.vector_norm(axis, dim=2, keepdim=True) + 1e-300)
+        sine = torch.sin(half).unsqueeze(2)
+        quaternions = torch.cat([torch.cos(half).unsqueeze(2), sine * axis, torch.zeros_like(sine)], dim=2)
+        return torch.cat([positions, quaternions], dim=2)[:, 1:]
+
+
+class PositionsAlone(nn.Module):
+    def __init__(self, robot: RobotSpec) -> None:
+        super().__init__()
+        self.arc = Arc(robot)
+
+    def forward(self, tensions: Tensor) -> Tensor:
+        return self.arc(tensions)[0]
+
+
+class RowPerPoint(nn.Module):
+    """Arc length and tensions of one cross-section a row; positions, rotation vectors and what else it knows."""
+
+    def __init__(self, robot: RobotSpec) -> None:
+        super().__init__()
+        self.arc = Arc(robot)
+
+    def forward(self, rows: Tensor) -> Tensor:
+        pull = torch.matmul(rows[:, 1:], self.arc.offsets) / self.arc.stiffness
+        stretch = 1.0 - rows[:, 1:].sum(dim=1, keepdim=True) / self.arc.axial
+        size = torch.sqrt((pull * pull).sum(dim=1, keepdim=True) + 1e-16)
+        angle = size * rows[:, :1]
+        side = stretch * (1.0 - torch.cos(angle)) / size * pull / size
+        ahead = stretch * torch.sin(angle) / size
+        turn = torch.cat([-pull[:, 1:], pull[:, :1], torch.zeros_like(size)], dim=1) / size * angle
+        return torch.cat([side, ahead, turn, torch.zeros_like(turn)], dim=1)
+
+
+class Faulty(nn.Module):
+    """The arc with one fault."""
+
+    def __init__(self, robot: RobotSpec, fault: str) -> None:
+        super().__init__()
+        self.arc = Arc(robot)
+        self.fault = fault
+
+    def forward(self, tensions: Tensor) -> Tuple[Tensor, Tensor]:  # noqa: UP006
+        positions, rotations = self.arc(tensions)
+        if self.fault == "nan":
+            positions = positions + 0.0 * torch.log(4.0 - tensions.sum(dim=1)).reshape(-1, 1, 1)
+        elif self.fault == "batch":
+            positions = positions - 0.1 * positions.mean(dim=0, keepdim=True)
+        elif self.fault == "random":
+            positions = torch.dropout(positions, 0.5, True)
+        elif self.fault == "shape":
+            positions, rotations = positions[:, :7], rotations[:, :7]
+        elif self.fault == "half":
+            positions, rotations = positions.half(), rotations.half()
+        elif self.fault == "gpu":
+            positions = positions.to(torch.device("cuda:0"))
+        elif self.fault == "memory":
+            positions = positions.repeat(1, 200 * 200 * tensions.shape[1], 3000)[:, :21, :3]
+        return positions, rotations
+
+
 def make(name: str, robot: RobotSpec) -> nn.Module:
     """Returns a network of an architecture, with the same weights each time."""
     torch.manual_seed(7)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import signal
@@ -47,6 +48,25 @@ def inspection_robot() -> RobotSpec:
 @pytest.fixture(scope="session")
 def two_segment_robot() -> RobotSpec:
     return load_robot(ROOT / "models/robots/two_segment.toml")
+
+
+@pytest.fixture(scope="session")
+def networks() -> Any:
+    """`benchmarks/foreign_networks.py`: networks as other people write them."""
+    return _benchmark("foreign_networks")
+
+
+@pytest.fixture(scope="session")
+def attacks() -> Any:
+    """`benchmarks/foreign_attacks.py`: modules that do more than to compute."""
+    return _benchmark("foreign_attacks")
+
+
+def _benchmark(name: str) -> Any:
+    # TorchScript looks for a class's source by the name of its module, so that it must be one that can be imported.
+    if str(ROOT / "benchmarks") not in sys.path:
+        sys.path.append(str(ROOT / "benchmarks"))
+    return importlib.import_module(name)
 
 
 @pytest.fixture

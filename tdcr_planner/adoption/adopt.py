@@ -53,7 +53,7 @@ class AdoptSettings:
     domain: DomainSettings = field(default_factory=DomainSettings)
     correct: bool = False
     alpha: float = 0.001
-    cases: int = 12_000
+    cases: int = 8_000
     judged: int = 5_000
     seed: int = 0
     threads: int = 1

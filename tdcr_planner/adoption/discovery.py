@@ -15,7 +15,7 @@ from tdcr_planner.errors import InputError, UnknownNameError
 from tdcr_planner.learning.dataset import SolvedCases
 from tdcr_planner.learning.judge import body_errors
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.shape.convention import WIDTHS, Convention, InputName, OutputName, decode, encode
+from tdcr_planner.shape.convention import WIDTHS, Convention, InputName, OutputName, answer_width, decode, encode
 from tdcr_planner.shape.foreign_network import ForeignNetwork
 
 _INPUT_NAMES: dict[InputName, tuple[str, ...]] = {
@@ -79,12 +79,16 @@ def check_names(name: str, given: str, kind: Literal["inputs", "outputs"]) -> tu
 
     Raises:
         UnknownNameError: One is none of those that are known.
+        InputError: One is there twice, or those are missing without which there is no shape.
     """
     known = get_args(InputName) if kind == "inputs" else get_args(OutputName)
     names = tuple(part.strip() for part in given.split(","))
     for part in names:
         if part not in known:
             raise UnknownNameError(name, part, known)
+    needed = ("tensions", "bending") if kind == "inputs" else ("positions", "poses")
+    if not set(needed) & set(names) or len(set(names)) != len(names):
+        raise InputError(name, f"{' or '.join(needed)} among them, and each once", given)
     return names
 
 
@@ -217,7 +221,7 @@ def _answering(
             problems.append(str(error.got))
             continue
         disks = robot.disk_count - (0 if with_base else 1)
-        for outputs, outputs_joined in _output_candidates(answers, _STATES * disks, given):
+        for outputs, outputs_joined in _output_candidates(answers, disks, given):
             try:
                 convention = start.model_copy(update={"outputs": outputs, "outputs_joined": outputs_joined})
                 decode(convention, robot, _STATES, list(answers.values()))
@@ -225,7 +229,7 @@ def _answering(
             except InputError as error:
                 problems.append(str(error))
         if not found:
-            shapes = ", ".join(f"{name} {np.shape(value)}" for name, value in answers.items())
+            shapes = ", ".join(f"{name} {value.dtype} {value.shape}" for name, value in answers.items())
             problems.append(f"for {_STATES} states it gives {shapes}")
         elif number == numbers[0] and not joined:
             break
@@ -233,7 +237,7 @@ def _answering(
 
 
 def _output_candidates(
-    answers: dict[str, Any], rows: int, given: Given
+    answers: dict[str, Any], disks: int, given: Given
 ) -> Iterator[tuple[tuple[OutputName, ...], bool]]:
     """Yields what answers may be, and whether side by side in one of them."""
     if given.outputs is not None:
@@ -245,7 +249,7 @@ def _output_candidates(
     if {"positions", "poses"} & set(named):
         yield tuple(name or "ignored" for name in named), False
         return
-    widths = [np.size(answer) / rows for answer in answers.values()]
+    widths = [answer_width(np.shape(answer), _STATES, disks) or 0 for answer in answers.values()]
     kinds = [[name for name, width in WIDTHS.items() if width == found] or ["ignored"] for found in widths]
     for outputs in itertools.islice(itertools.product(*kinds), 64):
         places = [name for name in outputs if name in ("positions", "poses")]

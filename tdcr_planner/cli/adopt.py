@@ -27,7 +27,7 @@ def adopt(
     tension_share: float = 1.0,
     correct: bool = False,
     alpha: float = 0.001,
-    cases: int = 12_000,
+    cases: int = 8_000,
     seed: int = 0,
     progress: bool = True,
 ) -> int:

@@ -28,9 +28,9 @@ Scales = Callable[[Cases], FloatArray]
 
 
 def cases_needed(alpha: float) -> int:
-    """Returns the fewest cases of a sample that a bound which follows the state takes, at half of alpha."""
+    """Returns the fewest cases of a sample that a bound which follows the state takes, at a level alpha."""
     # The largest of n errors bounds a part of alpha with confidence 1 - (1 - alpha)^n.
-    return math.ceil(math.log(1.0 - CONFIDENCE) / math.log(1.0 - 0.5 * alpha)) + 1
+    return math.ceil(math.log(1.0 - CONFIDENCE) / math.log(1.0 - alpha)) + 1
 
 
 def measure_state_margin(
@@ -82,8 +82,8 @@ def calibrate_state_margin(
     """Returns the bound that follows the state and holds for each of several samples by itself.
 
     The score of a case is its largest error over the disks, each divided by the state's scale at that disk (Lei et al.
-    2018, sec. 5.2) and by the 99th percentile of that ratio. Half of alpha is its own, the other half the ceiling's:
-    the bound is the smaller of the two, so that a case exceeds it with at most alpha (Bonferroni).
+    2018, sec. 5.2) and by the 99th percentile of that ratio. A state whose bound would be above that of every
+    calibration case is none that the model answers for.
 
     Args:
         scales: The scale of a case.
@@ -91,14 +91,16 @@ def calibrate_state_margin(
         errors: The model's errors on them as `body_errors` has them, shape (n, d), m.
         alpha: Probability with which a fresh case may exceed the bound.
     """
-    factors, ceilings, own = [], [], []
+    factors, own = [], []
     for solved, error in zip(samples, errors, strict=True):
-        scale = _finite(scales(solved.cases)) + FLOOR_M
-        factors.append(conformal_bound(error / scale, 0.5 * alpha))
-        ceilings.append(conformal_bound(error, 0.5 * alpha))
-        own.append(scale)
-    factor, ceiling = np.max(factors, axis=0), np.max(ceilings, axis=0)
-    tip = np.minimum(np.concatenate(own)[:, -1] * factor[-1], ceiling[-1])
+        scale = scales(solved.cases) + FLOOR_M
+        known = np.isfinite(scale).all(axis=1)
+        factors.append(conformal_bound(error[known] / scale[known], alpha))
+        own.append(scale[known])
+    factor = np.max(factors, axis=0)
+    bounds = np.concatenate(own) * factor
+    ceiling = bounds.max(axis=0)
+    tip = bounds[:, -1]
     return StateMargin(
         alpha=alpha,
         cases=min(len(solved.cases) for solved in samples),
@@ -107,11 +109,6 @@ def calibrate_state_margin(
         ceiling_m=tuple(ceiling.tolist()),
         tip_m=(float(np.median(tip)), float(tip.max())),
     )
-
-
-def _finite(scale: FloatArray) -> FloatArray:
-    """Returns scales with a huge number where mechanics give no shape: the ceiling holds there."""
-    return np.where(np.isfinite(scale), scale, 1e3)
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,8 @@ class StateMargin(FileModel):
     """A bound that follows the state, by locally weighted split conformal prediction (Lei et al. 2018, sec. 5.2).
 
     The bound of disk d in a state is `factor[d]` times the state's scale at d: how far one step of correction by
-    mechanics moves the disk, what a further step would move it, and `floor_m`. It is never above `ceiling_m`.
+    mechanics moves the disk, what a further step would move it, and `floor_m`. Where it would be above `ceiling_m`
+    at a disk, the state is none that the model answers for.
 
     Attributes:
         alpha: A fresh case of either sample exceeds its bound at some disk with at most this probability, with 99 %
@@ -82,7 +83,7 @@ class StateMargin(FileModel):
         cases: Calibration cases of each sample.
         floor_m: Smallest scale: the rounding of the integration.
         factor: Of each disk.
-        ceiling_m: Of each disk: the uniform bound of half of alpha; the other half is the factor's.
+        ceiling_m: Of each disk: the largest bound among the calibration cases.
         tip_m: Median and largest bound at the tip on the calibration cases.
     """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -191,35 +192,51 @@ def decode(convention: Convention, robot: RobotSpec, count: int, answers: list[A
     return np.ascontiguousarray(positions), np.ascontiguousarray(rotations)
 
 
+def answer_width(shape: tuple[int, ...], count: int, disks: int) -> int | None:
+    """Returns how many numbers a disk an answer of a shape has; None where its axes are not those of states and disks.
+
+    Args:
+        shape: Of the answer: (n, d, ...), (n d, ...) or (n, d k).
+        count: How many states n were asked.
+        disks: How many disks d an answer has.
+    """
+    size = math.prod(shape)
+    by_row = len(shape) > 0 and shape[0] == count * disks
+    by_state = len(shape) > 1 and shape[0] == count and (shape[1] == disks or len(shape) == 2)
+    if not (by_row or by_state) or not size or size % (count * disks):
+        return None
+    return size // (count * disks)
+
+
 def _split(convention: Convention, count: int, disks: int, answers: list[Any]) -> dict[str, FloatArray]:
     """Returns the answers by name, each of shape (n, disks, numbers)."""
     if convention.outputs_joined:
         names = [name for name in convention.outputs if name != "ignored"]
-        whole = _numbers("the joined answer", answers[0], count * disks, sum(WIDTHS[name] for name in names), more=True)
-        parts, at = {}, 0
+        whole = _numbers("the joined answer", answers[0], count, disks, sum(WIDTHS[name] for name in names), more=True)
+        parts: dict[str, FloatArray] = {}
+        at = 0
         for name in names:
-            parts[name] = whole[:, at : at + WIDTHS[name]]
+            parts[name] = whole[:, :, at : at + WIDTHS[name]]
             at += WIDTHS[name]
-    else:
-        if len(answers) < len(convention.outputs):
-            raise InputError("outputs", f"{len(convention.outputs)} answers of the network", f"{len(answers)}")
-        parts = {
-            name: _numbers(name, answer, count * disks, WIDTHS[name])
-            for name, answer in zip(convention.outputs, answers, strict=False)
-            if name != "ignored"
-        }
-    return {name: part.reshape(count, disks, -1) for name, part in parts.items()}
+        return parts
+    if len(answers) < len(convention.outputs):
+        raise InputError("outputs", f"{len(convention.outputs)} answers of the network", f"{len(answers)}")
+    return {
+        name: _numbers(name, answer, count, disks, WIDTHS[name])
+        for name, answer in zip(convention.outputs, answers, strict=False)
+        if name != "ignored"
+    }
 
 
-def _numbers(name: str, answer: Any, rows: int, width: int, *, more: bool = False) -> FloatArray:
-    """Returns an answer as shape (rows, width or, with `more`, at least that), float64."""
+def _numbers(name: str, answer: Any, count: int, disks: int, width: int, *, more: bool = False) -> FloatArray:
+    """Returns an answer as shape (count, disks, width or, with `more`, at least that), float64."""
     array = np.asarray(answer)
     if array.dtype not in (np.float32, np.float64):
         raise InputError(name, "an answer of type float32 or float64", str(array.dtype))
-    found = array.size // rows if rows else width
-    if array.size != found * rows or found < width or (found != width and not more):
-        raise InputError(name, f"an answer of {width} numbers for each of {rows} disks", f"shape {array.shape}")
-    return array.reshape(rows, found).astype(np.float64)
+    found = answer_width(array.shape, count, disks)
+    if found is None or found < width or (found != width and not more):
+        raise InputError(name, f"{width} numbers for each of {disks} disks of {count} states", f"shape {array.shape}")
+    return array.reshape(count, disks, found).astype(np.float64)
 
 
 def _from_quaternions(quaternions: FloatArray) -> FloatArray:

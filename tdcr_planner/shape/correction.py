@@ -78,9 +78,9 @@ class Corrector:
             tip_force: Shape (n, 3), N, base frame.
         """
         inputs = _contiguous(tensions, gravity, tip_force)
-        moment = np.ascontiguousarray(self.base_moments(positions, gravity, tip_force))
+        size = self._largest_moments(gravity, tip_force)
+        moment = _shortened(self.base_moments(positions, gravity, tip_force), size)
         p, rotation, left_over = self._integrate(inputs, moment)
-        size = self._length * np.linalg.norm(tip_force + self._constants.base_mass * gravity, axis=1)
         residual = np.linalg.norm(left_over, axis=1)
         remainder = np.zeros(positions.shape[:2])
         moving = np.flatnonzero(~(residual <= _AT_REST * np.maximum(size, 1e-6)))
@@ -90,6 +90,11 @@ class Corrector:
             corrected = self._step(part, *start, _LONGEST_STEP * np.maximum(size[moving], 1e-6))
             p[moving], rotation[moving], residual[moving], remainder[moving] = corrected
         return Correction(p, rotation, residual, remainder)
+
+    def _largest_moments(self, gravity: FloatArray, tip_force: FloatArray) -> FloatArray:
+        """Returns the moment that loads exert about the base at most, shape (n,), N m."""
+        weight = self._constants.base_mass * np.linalg.norm(gravity, axis=1)
+        return np.asarray(self._length * (weight + np.linalg.norm(tip_force, axis=1)))
 
     def _integrate(self, inputs: Inputs, moment: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         tensions, gravity, tip_force = inputs
@@ -116,9 +121,7 @@ class Corrector:
             [(residuals[axis * count : (axis + 1) * count] - left_over) / _DIFFERENCE for axis in range(3)], axis=2
         )
         step = _solve(jacobian, left_over)
-        size = np.linalg.norm(step, axis=1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            step *= np.where(size > longest, longest / size, 1.0)[:, None]
+        step = _shortened(step, longest)
         p, rotation, after = self._integrate(inputs, moment - step)
         ahead = _solve(jacobian, after)
         slope = (moved.reshape(3, count, -1, 3) - positions) / _DIFFERENCE
@@ -148,6 +151,15 @@ class Corrector:
 
 def _contiguous(tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> Inputs:
     return np.ascontiguousarray(tensions), np.ascontiguousarray(gravity), np.ascontiguousarray(tip_force)
+
+
+def _shortened(vectors: FloatArray, longest: FloatArray) -> FloatArray:
+    """Returns vectors (n, 3) of no more than some lengths (n,); zero for those that are not finite."""
+    size = np.linalg.norm(vectors, axis=1)
+    known = np.isfinite(size) & (size > 0.0)
+    factor = np.zeros(len(size))
+    factor[known] = np.minimum(longest[known] / size[known], 1.0)
+    return np.ascontiguousarray(np.where(known[:, None], vectors, 0.0) * factor[:, None])
 
 
 def _solve(matrices: FloatArray, vectors: FloatArray) -> FloatArray:

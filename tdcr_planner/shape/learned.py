@@ -19,7 +19,7 @@ from tdcr_planner.shape.base import DiskPoses, ShapeModel
 from tdcr_planner.shape.correction import Corrector
 from tdcr_planner.shape.engines import Device, Evaluator, make_evaluator
 from tdcr_planner.shape.model_file import Engine, ModelFile, read_model_file
-from tdcr_planner.shape.rod_kernel import rod_constants_at
+from tdcr_planner.shape.rod_kernel import rod_constants, rod_constants_at
 from tdcr_planner.shape.shooting import ShootingFunction
 
 if TYPE_CHECKING:
@@ -132,6 +132,11 @@ class LearnedShape(ShapeModel):
         return paper_module(self.path, self.card, content.tensors)
 
     @cached_property
+    def _has_weight(self) -> bool:
+        """Whether gravity does anything to the robot."""
+        return rod_constants(self.card.robot).base_mass > 0.0
+
+    @cached_property
     def _corrector(self) -> Corrector:
         return Corrector(self.card.robot)
 
@@ -139,7 +144,8 @@ class LearnedShape(ShapeModel):
         """Returns which rows lie inside the model's domain, shape (n,); see `ShapeModel.in_domain`."""
         domain = self.card.domain
         inside = (tensions >= 0.0).all(axis=1) & at_most(tensions, self._max_tensions).all(axis=1)
-        inside &= at_most(np.linalg.norm(gravity, axis=1), domain.gravity_m_s2)
+        if self._has_weight:
+            inside &= at_most(np.linalg.norm(gravity, axis=1), domain.gravity_m_s2)
         inside &= at_most(np.linalg.norm(tip_force, axis=1), domain.tip_force_n)
         return np.asarray(inside)
 
@@ -175,7 +181,14 @@ class LearnedShape(ShapeModel):
         """Returns `disk_poses_unchecked` and `error_bound_at` of the same states, at the cost of one of them."""
         answer = self.answer(tensions, gravity, tip_force)
         poses = self._poses(answer.positions, answer.rotations, answer.residual)
-        return poses, self.error_bound if answer.scale is None else self._bounds(answer.scale)
+        margin = self.card.state_margin
+        if answer.scale is None or margin is None or not self.bound_follows_state:
+            return poses, self.error_bound
+        own = (answer.scale + margin.floor_m) * (np.asarray(margin.factor) * self._growth)
+        # Beyond the largest bound that was seen, or where mechanics give no shape, nothing is known of the error.
+        known = np.asarray((own <= self.error_bound).all(axis=1))
+        solved = np.asarray(poses.solved & known)
+        return DiskPoses(poses.positions, poses.rotations, solved), np.fmin(own, self.error_bound)
 
     def error_bound_at(self, tensions: FloatArray, gravity: FloatArray, tip_force: FloatArray) -> FloatArray:
         """Returns the bound of each state; see `ShapeModel.error_bound_at`."""
@@ -203,14 +216,6 @@ class LearnedShape(ShapeModel):
         if self._corrects:
             return Answer(step.positions, step.rotations, step.residual, step.remainder)
         return Answer(positions, rotations, residual, self._corrector.scale(positions, rotations, step))
-
-    def _bounds(self, scale: FloatArray) -> FloatArray:
-        margin = self.card.state_margin
-        if not self.bound_follows_state or margin is None:
-            return self.error_bound
-        own = (scale + margin.floor_m) * (np.asarray(margin.factor) * self._growth)
-        # A scale that is not finite belongs to a shape that no mechanics give: its bound is the largest.
-        return np.asarray(np.fmin(own, self.error_bound))
 
     def _poses(self, positions: FloatArray, rotations: FloatArray, residual: FloatArray | None) -> DiskPoses:
         solved = np.ones(len(positions), dtype=np.bool_) if residual is None else residual <= self._residual_limit

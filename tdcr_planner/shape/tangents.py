@@ -7,6 +7,7 @@ from scipy.interpolate import CubicSpline
 
 from tdcr_planner.arrays import FloatArray
 
+_FEWEST = 3  # centres up to which the curve's free end is straight
 _BACKWARDS = -1.0 + 1e-9  # cosine of two tangents beyond which no turn without twist is defined
 
 
@@ -30,9 +31,9 @@ def rotations_along(arc_lengths: FloatArray, positions: FloatArray) -> FloatArra
         return rotations
     start = np.zeros((int(known.sum()), 3))
     start[:, 2] = 1.0
-    end = np.zeros_like(start)
-    spline = CubicSpline(arc_lengths, positions[known], axis=1, bc_type=((1, start), (2, end)))
-    tangents = np.swapaxes(spline(arc_lengths, 1), 0, 1) if spline.axis == 0 else spline(arc_lengths, 1)
+    end = "not-a-knot" if disks > _FEWEST else (2, np.zeros_like(start))
+    spline = CubicSpline(arc_lengths, positions[known], axis=1, bc_type=((1, start), end))
+    tangents = spline(arc_lengths, 1)
     tangents = tangents / np.linalg.norm(tangents, axis=2, keepdims=True)
     frames = np.empty((len(tangents), disks, 3, 3))
     frames[:, 0] = np.eye(3)

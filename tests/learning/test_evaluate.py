@@ -141,8 +141,8 @@ def test_evaluate_command_says_when_the_bound_does_not_hold(small_model, tmp_pat
 
 
 def with_a_tenth_of_the_bound(build):
-    def init(self, *arguments):
-        build(self, *arguments)
+    def init(self, *arguments, **options):
+        build(self, *arguments, **options)
         self.error_bound = 0.1 * self.error_bound
 
     return init

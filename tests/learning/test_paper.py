@@ -197,7 +197,7 @@ def test_trains_exports_and_resumes(paper_robot, small_settings, tmp_path):
     poses = model.disk_poses(tensions)
     expected = whole(torch.as_tensor(tensions), torch.zeros(3, 3), torch.zeros(3, 3))
     np.testing.assert_allclose(poses.positions, expected[0].detach().numpy(), atol=1e-6)
-    with pytest.raises(InputError, match="shooting"):
+    with pytest.raises(InputError, match="corrects its shapes by mechanics"):
         model.residual(tensions)
 
 
