@@ -159,12 +159,12 @@ def _place_if_far(forward: Forward, bench: Bench, names: Sequence[str] | None) -
 def _check_explained(states: MeasuredStates, differences: FloatArray) -> None:
     """Refuses measurements that no numbers explain."""
     centre = np.nanmedian(states.positions, axis=0)
-    moved = float(np.sqrt(np.nanmean(np.sum((states.positions - centre) ** 2, axis=2))))
-    left = float(np.sqrt(np.nanmean(np.sum(differences**2, axis=2))))
+    moved = float(np.nanmedian(np.linalg.norm(states.positions - centre, axis=2)))
+    left = float(np.nanmedian(np.linalg.norm(differences, axis=2)))
     if not left <= UNEXPLAINED * moved:
         raise FormatError(
             states.path,
-            f"no parameters explain the positions: they move by {1e3 * moved:.3g} mm (root mean square), and "
+            f"no parameters explain the positions: they lie {1e3 * moved:.3g} mm from their middle in the median, and "
             f"{1e3 * left:.3g} mm of it is left over; are the columns of tendons in the order of the robot's file, x, "
             "y and z in place, the units metre and newton, and is it this robot?",
         )
