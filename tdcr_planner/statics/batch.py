@@ -8,13 +8,13 @@ import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.compiled import njit
-from tdcr_planner.statics.branch import CONVERGED, LIMIT_POINT, NOT_CONVERGED, follow_branch, newton
+from tdcr_planner.statics.branch import CONVERGED, LIMIT_POINT, NOT_CONVERGED, follow_branch, newton, smallest_level
 from tdcr_planner.statics.cut_loads import LoadBatch, empty_loads, fill_loads
 from tdcr_planner.statics.drive import GAP_TOLERANCE, DriveArrays, drive_newton, empty_state, follow_drive
 from tdcr_planner.statics.integration import add_lengths, integrate
 from tdcr_planner.statics.options import OPTIONS
 from tdcr_planner.statics.rod import RodArrays
-from tdcr_planner.statics.tension import fill_tension, frictionless_tension
+from tdcr_planner.statics.tension import fill_pulls, fill_tension, frictionless_tension
 from tdcr_planner.statics.variations import variations
 
 
@@ -38,17 +38,6 @@ class BatchResults(NamedTuple):
     codes: IntArray
     iterations: IntArray
     fractions: FloatArray
-
-
-@njit(**OPTIONS)
-def smallest_level(rod: RodArrays, tolerance: float, scale: float) -> float:
-    """Returns the residual at which a case is solved, N m: relative to its loads, and not below rounding."""
-    stiffness = 0.0
-    for c in range(rod.step_lengths.shape[0]):
-        if not rod.rigid[c]:
-            stiffness = rod.stiffness[c, 0, 3] / rod.length[0]
-            break
-    return max(tolerance * scale, 1e-13 * stiffness)
 
 
 @njit(**OPTIONS)
@@ -157,12 +146,16 @@ def solve_drive_cases(
 def record_cases(
     rod: RodArrays,
     tensions: FloatArray,
+    pulls: FloatArray,
     batch: LoadBatch,
     converged: BoolArray,
     base_moments: FloatArray,
     record: FloatArray,
 ) -> None:
-    """Integrates solved cases again and keeps what happens at every Runge-Kutta stage, record (n, c, 4, 21)."""
+    """Integrates solved cases again and keeps what happens at every Runge-Kutta stage, record (n, c, 4, 21).
+
+    `pulls`, shape (n, c, 3, t), N, are the tensions along the tendons; (0, c, 3, t) where they are the same all along.
+    """
     disks, tendons = rod.disk_masses.shape[0], rod.tendons.shape[1]
     loads, tension = empty_loads(rod), frictionless_tension(rod)
     positions, rotations = np.empty((disks, 3)), np.empty((disks, 3, 3))
@@ -172,7 +165,7 @@ def record_cases(
             record[case] = np.nan
             continue
         fill_loads(rod, batch, case, loads)
-        fill_tension(rod, tensions[case], tension)
+        fill_pulls(rod, tensions[case], pulls, case, tension)
         integrate(
             rod, loads, tension, base_moments[case], False, positions, rotations, end, angle, moment,
             np.empty((0, tendons)), np.empty((0, 3)), record[case],
@@ -200,15 +193,23 @@ def variations_of_cases(
 
 @njit(**OPTIONS)
 def lengths_of_cases(
-    rod: RodArrays, tensions: FloatArray, converged: BoolArray, record: FloatArray, lengths: FloatArray
+    rod: RodArrays,
+    tensions: FloatArray,
+    pulls: FloatArray,
+    converged: BoolArray,
+    record: FloatArray,
+    lengths: FloatArray,
 ) -> None:
-    """Writes the path lengths of solved cases and the tensions' integrals along them, shape (n, 2, t)."""
+    """Writes the path lengths of solved cases and the tensions' integrals along them, shape (n, 2, t).
+
+    `pulls` as for `record_cases`.
+    """
     tension = frictionless_tension(rod)
     for case in range(tensions.shape[0]):
         if not converged[case]:
             lengths[case] = np.nan
             continue
-        fill_tension(rod, tensions[case], tension)
+        fill_pulls(rod, tensions[case], pulls, case, tension)
         lengths[case] = 0.0
         for c in range(rod.step_lengths.shape[0]):
             for stage in range(4):

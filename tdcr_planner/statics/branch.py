@@ -34,6 +34,17 @@ LARGEST_MOMENT = 1e6
 
 
 @njit(**OPTIONS)
+def smallest_level(rod: RodArrays, tolerance: float, scale: float) -> float:
+    """Returns the residual at which a case is solved, N m: relative to its loads, and not below rounding."""
+    stiffness = 0.0
+    for c in range(rod.step_lengths.shape[0]):
+        if not rod.rigid[c]:
+            stiffness = rod.stiffness[c, 0, 3] / rod.length[0]
+            break
+    return max(tolerance * scale, 1e-13 * stiffness)
+
+
+@njit(**OPTIONS)
 def integrate_exactly(
     rod: RodArrays,
     loads: CutLoads,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.compiled import njit
 from tdcr_planner.statics.options import OPTIONS

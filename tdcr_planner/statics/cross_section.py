@@ -6,7 +6,7 @@ import numpy as np
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.compiled import njit
-from tdcr_planner.statics.options import OPTIONS
+from tdcr_planner.statics.options import INLINED, OPTIONS
 
 STRAIN_TOLERANCE = 1e-12
 STRAIN_ITERATIONS = 60
@@ -140,7 +140,7 @@ def invert_hessian(
     inverse[5, 5] = s22
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def solve_strain(
     load: FloatArray,
     strain: FloatArray,
@@ -259,7 +259,7 @@ def solve_strain(
     return False
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def predict(load: FloatArray, previous: FloatArray, inverse: FloatArray, strain: FloatArray) -> None:
     """Moves the strain along the linearised equations from the previous load to this one."""
     for i in range(6):

@@ -122,6 +122,22 @@ def scale_loads(loads: CutLoads, fraction: float, scaled: CutLoads) -> None:
         scaled.payload[j] = fraction * loads.payload[j]
 
 
+@njit(**OPTIONS)
+def mix_loads(first: CutLoads, second: CutLoads, fraction: float, mixed: CutLoads) -> None:
+    """Writes the loads at a fraction of the way from the first to the second."""
+    scale_loads(first, 1.0 - fraction, mixed)
+    for j in range(3):
+        for c in range(mixed.forces.shape[0]):
+            mixed.forces[c, j] += fraction * second.forces[c, j]
+            mixed.line_loads[c, 0, j] += fraction * second.line_loads[c, 0, j]
+            mixed.line_loads[c, 1, j] += fraction * second.line_loads[c, 1, j]
+        for disk in range(mixed.disk_moments.shape[0]):
+            mixed.disk_moments[disk, j] += fraction * second.disk_moments[disk, j]
+        mixed.line_moment[j] += fraction * second.line_moment[j]
+        mixed.tip_moment[j] += fraction * second.tip_moment[j]
+        mixed.payload[j] += fraction * second.payload[j]
+
+
 @njit(**INLINED)
 def load_at(
     rotation: FloatArray,

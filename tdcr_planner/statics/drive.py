@@ -173,7 +173,7 @@ def measure_unloaded(rod: RodArrays, tension: TendonTension, state: DriveState) 
     """
     total = rod.tendons.shape[1]
     strain, zero, inverse, effect = np.empty(6), np.zeros(6), np.empty((6, 6)), np.empty(6)
-    pulled, places, gains = np.empty((total, 6)), np.empty(total, dtype=np.int64), np.ones(total)
+    pulled = np.empty((total, 7))
     part, own = np.zeros((2, total)), np.zeros((total, total))
     for i in range(total):
         state.lengths[0, i] = state.lengths[1, i] = 0.0
@@ -184,7 +184,7 @@ def measure_unloaded(rod: RodArrays, tension: TendonTension, state: DriveState) 
         if not rod.repeats[c]:
             if not unloaded_strain(rod, tension, c, zero, strain, inverse):
                 return False
-            pull_directions(rod, tension, c, strain, pulled, places, gains)
+            pull_directions(rod, tension, c, strain, pulled)
             for i in range(total):
                 part[0, i] = part[1, i] = 0.0
             add_lengths(rod, tension, c, 1, strain, 1.0, part)

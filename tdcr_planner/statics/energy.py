@@ -32,6 +32,8 @@ def total_potential(robot: RobotSpec, solution: RodSolution) -> FloatArray:
     are left out of it: a moment of fixed direction has no potential, and a case with one is an InputError.
     """
     loads = solution.loads
+    if solution.pulls is not None:
+        raise InputError("solution", "a solution without friction (friction has no potential)", "one with friction")
     for name in ("tip_moment", "distributed_moment", "disk_moments"):
         if getattr(loads, name).any():
             kind = name.replace("_", " ")

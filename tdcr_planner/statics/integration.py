@@ -13,7 +13,7 @@ from tdcr_planner.statics.motion import dexp_inverse, se3_exp
 from tdcr_planner.statics.options import INLINED, OPTIONS
 from tdcr_planner.statics.rod import RodArrays
 from tdcr_planner.statics.small_matrices import negative_eigenvalues, positive_spectrum
-from tdcr_planner.statics.tension import TendonTension
+from tdcr_planner.statics.tension import TendonTension, slide, start_sliding, turn, write_tangents
 
 
 @njit(**OPTIONS)
@@ -66,20 +66,22 @@ def integrate(
     p, M = np.zeros(3), base_moment.copy()
     n0, m0, l0, W = np.empty(3), np.empty(3), np.zeros(3), np.zeros((3, 3))
     columns = angle.shape[1]
-    phi, mu, rate = np.empty((3, columns)), np.empty((3, columns)), np.empty((6, columns))
-    before = np.empty((3, 3))
-    tendons = rod.tendons.shape[1]
-    pulled, places, gains = np.empty((tendons, 6)), np.empty(tendons, dtype=np.int64), np.ones(tendons)
-    stage_rotation = np.eye(3)
+    phi, mu, rate, before = np.empty((3, 3)), np.empty((3, 3)), np.empty((6, 3)), np.empty((3, 3))
+    # For more columns than those of M(0): their body components and rates, and what the step's tendons do.
+    room, pulled = np.empty((12, columns)), np.empty((rod.tendons.shape[1], 7))
     has_lengths, rubs, has_record = lengths.shape[0] > 0, tension.friction.shape[0] > 0, record.shape[0] > 0
     modes = 0
     begun = False
     start_integration(positions, rotations, angle, moment, with_variations, lengths, length_rates)
     length = rod.length[0]
+    if rubs:
+        start_sliding(tension)
     for c in range(rod.step_lengths.shape[0]):
         h, rigid, count, half_gap = rod.step_lengths[c], rod.rigid[c], rod.tendon_counts[c], rod.chords[c, 0, 0]
         enters = rod.joins[c] or (c > 0 and rod.rigid[c - 1])
         loaded = start_step(loads, c, R, M, n0, m0, l0, W)
+        if rubs:
+            slide(rod, tension, c)
         for j in range(3):
             load[j], load[3 + j] = n0[j], m0[j]
             added_sum[j] = added[j] = 0.0
@@ -117,19 +119,17 @@ def integrate(
                     rod.slopes[c, point], tension.pulls[c, point], count, inverse, fresh or stage == 1, length,
                 ):  # fmt: skip
                     return False, modes
-            if has_record or rubs:
-                for i in range(3):
-                    for j in range(3):
-                        stage_rotation[i, j] = (
-                            R[i, j] if stage == 0 else R[i, 0] * Q[0, j] + R[i, 1] * Q[1, j] + R[i, 2] * Q[2, j]
-                        )
             if has_record:
                 for j in range(6):
                     record[c, stage, j] = load[j]
                     record[c, stage, 6 + j] = strain[j]
                 for i in range(3):
                     for j in range(3):
-                        record[c, stage, 12 + 3 * i + j] = stage_rotation[i, j]
+                        record[c, stage, 12 + 3 * i + j] = (
+                            R[i, j] if stage == 0 else R[i, 0] * Q[0, j] + R[i, 1] * Q[1, j] + R[i, 2] * Q[2, j]
+                        )
+            if rubs and stage != 1:
+                write_tangents(rod, tension, c, point, strain)
             fraction = 1.0 / 6.0 if stage == 0 or stage == 3 else 1.0 / 3.0
             if has_lengths:
                 add_lengths(rod, tension, c, point, strain, fraction * h, lengths)
@@ -155,18 +155,25 @@ def integrate(
                     for j in range(3):
                         Rm[i, j] = R[i, 0] * Q[0, j] + R[i, 1] * Q[1, j] + R[i, 2] * Q[2, j]
                         before[i, j] = angle[i, j]
-                if columns > 3:
-                    pull_directions(rod, tension, c, strain, pulled, places, gains)
-                advance_variations(
-                    h, load, strain, inverse, Rm, pulled, places, gains, angle, moment, phi, mu, rate,
-                    rod.tendons[c], count, length_rates,
-                )  # fmt: skip
+                if columns == 3:
+                    advance_variations(
+                        3, h, load, strain, inverse, Rm, pulled, rod.places[c], angle, moment, phi, mu, rate,
+                        rod.tendons[c], count, length_rates,
+                    )  # fmt: skip
+                else:
+                    pull_directions(rod, tension, c, strain, pulled)
+                    advance_variations(
+                        columns, h, load, strain, inverse, Rm, pulled, rod.places[c], angle, moment, room[0:3],
+                        room[3:6], room[6:12], rod.tendons[c], count, length_rates,
+                    )  # fmt: skip
                 if begun and not rigid:
                     if columns > 3:
                         modes += negative_eigenvalues(angle, before)
                     elif modes == 0 and not positive_spectrum(angle, before):
                         modes = 1
         begun = begun or not rigid
+        if rubs:
+            turn(rod, tension, c)
         for j in range(6):
             twist[j] = h * total[j]
         se3_exp(twist, Q, d)
@@ -318,45 +325,26 @@ def add_lengths(
 
 
 @njit(**OPTIONS)
-def pull_directions(
-    rod: RodArrays,
-    tension: TendonTension,
-    c: int,
-    strain: FloatArray,
-    pulled: FloatArray,
-    places: IntArray,
-    gains: FloatArray,
-) -> None:
-    """Writes what a tendon's tension does at the middle of a step.
+def pull_directions(rod: RodArrays, tension: TendonTension, c: int, strain: FloatArray, pulled: FloatArray) -> None:
+    """Writes what each tendon's tension does at the middle of a step, shape (t, 7).
 
-    Args:
-        rod: RodArrays.
-        tension: The tensions along the tendons.
-        c: The step.
-        strain: Strain at its middle, shape (6,).
-        pulled: (t, r x t) of the step's tendons, shape (t, 6); written.
-        places: Row of each tendon in `pulled`, -1 for none, shape (t,); written.
-        gains: Derivative of the tension here by that at the base, shape (t,), rows as in `pulled`; written where
-            tendons rub.
+    (t, r x t), and the derivative of the tension there by that at the base.
     """
     vx, vy, vz, ux, uy, uz = strain[0], strain[1], strain[2], strain[3], strain[4], strain[5]
     half, along = rod.chords[c, 1, 0], rod.chords[c, 1, 1]
-    for i in range(places.shape[0]):
-        places[i] = -1
     for column in range(rod.tendon_counts[c]):
-        places[rod.tendons[c, column]] = column
         x, y, dx, dy = chord_path(half, along, rod.offsets[c, 1, column], rod.slopes[c, 1, column], strain)
         wx, wy, wz = vx - uz * y + dx, vy + uz * x + dy, vz + ux * y - uy * x
         scale = 1.0 / np.sqrt(wx * wx + wy * wy + wz * wz)
         wx, wy, wz = wx * scale, wy * scale, wz * scale
-        if tension.friction.shape[0] > 0:
-            gains[column] = tension.weights[c, 1, column]
         pulled[column, 0], pulled[column, 1], pulled[column, 2] = wx, wy, wz
         pulled[column, 3], pulled[column, 4], pulled[column, 5] = y * wz, -x * wz, x * wy - y * wx
+        pulled[column, 6] = tension.weights[c, 1, column] if tension.friction.shape[0] > 0 else 1.0
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def advance_variations(
+    columns: int,
     h: float,
     load: FloatArray,
     strain: FloatArray,
@@ -364,7 +352,6 @@ def advance_variations(
     Rm: FloatArray,
     pulled: FloatArray,
     places: IntArray,
-    gains: FloatArray,
     angle: FloatArray,
     moment: FloatArray,
     phi: FloatArray,
@@ -374,26 +361,29 @@ def advance_variations(
     count: int,
     length_rates: FloatArray,
 ) -> None:
-    """Advances the variations over a step by the midpoint rule, in the frame of its middle."""
-    columns = angle.shape[1]
+    """Advances the variations over a step by the midpoint rule, in the frame of its middle.
+
+    `columns` is their number: a constant where the call says so, by which the compiler lays out the loops.
+    """
     for i in range(3):
         for j in range(columns):
             phi[i, j] = Rm[0, i] * angle[0, j] + Rm[1, i] * angle[1, j] + Rm[2, i] * angle[2, j]
             mu[i, j] = Rm[0, i] * moment[0, j] + Rm[1, i] * moment[1, j] + Rm[2, i] * moment[2, j]
-    rate_of_variation(load, strain, inverse, phi, mu, pulled, places, gains, rate, tendons, count, 0.0, length_rates)
+    rate_of_variation(columns, load, strain, inverse, phi, mu, pulled, places, rate, tendons, count, 0.0, length_rates)
     for i in range(3):
         for j in range(columns):
             phi[i, j] += 0.5 * h * rate[i, j]
             mu[i, j] += 0.5 * h * rate[3 + i, j]
-    rate_of_variation(load, strain, inverse, phi, mu, pulled, places, gains, rate, tendons, count, h, length_rates)
+    rate_of_variation(columns, load, strain, inverse, phi, mu, pulled, places, rate, tendons, count, h, length_rates)
     for i in range(3):
         for j in range(columns):
             angle[i, j] += h * (Rm[i, 0] * rate[0, j] + Rm[i, 1] * rate[1, j] + Rm[i, 2] * rate[2, j])
             moment[i, j] += h * (Rm[i, 0] * rate[3, j] + Rm[i, 1] * rate[4, j] + Rm[i, 2] * rate[5, j])
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def rate_of_variation(
+    columns: int,
     load: FloatArray,
     strain: FloatArray,
     inverse: FloatArray,
@@ -401,7 +391,6 @@ def rate_of_variation(
     moment: FloatArray,
     pulled: FloatArray,
     places: IntArray,
-    gains: FloatArray,
     rate: FloatArray,
     tendons: IntArray,
     count: int,
@@ -414,14 +403,14 @@ def rate_of_variation(
     those of the world-frame vectors, expressed in the body frame.
 
     Args:
+        columns: Number of columns.
         load: Shape (6,).
         strain: Shape (6,).
         inverse: H^-1, shape (6, 6).
         angle: phi, variation of the rotation, shape (3, c).
         moment: mu, variation of the moment across the cut, shape (3, c).
-        pulled: (t, r x t) of the step's tendons, shape (t, 6); read for the columns of tensions, from the fourth on.
+        pulled: From `pull_directions`, shape (t, 7); read for the columns of tensions, from the fourth on.
         places: Row of each tendon in it, -1 for none, shape (t,).
-        gains: Derivative of the tension here by that at the base, shape (t,), rows as in `pulled`.
         rate: Shape (6, c), phi' over mu'; written.
         tendons: Tendon of each row of `pulled`.
         count: Number of rows of `pulled`.
@@ -430,15 +419,15 @@ def rate_of_variation(
     """
     nx, ny, nz, mx, my, mz = load[0], load[1], load[2], load[3], load[4], load[5]
     vx, vy, vz = strain[0], strain[1], strain[2]
-    for c in range(angle.shape[1]):
+    for c in range(columns):
         px, py, pz = angle[0, c], angle[1, c], angle[2, c]
         f0, f1, f2 = ny * pz - nz * py, nz * px - nx * pz, nx * py - ny * px
         f3 = moment[0, c] + my * pz - mz * py
         f4 = moment[1, c] + mz * px - mx * pz
         f5 = moment[2, c] + mx * py - my * px
-        if c >= 3 and places[c - 3] >= 0:
+        if columns > 3 and c >= 3 and places[c - 3] >= 0:
             row = places[c - 3]
-            gain = gains[row]
+            gain = pulled[row, 6]
             f0, f1, f2 = f0 - gain * pulled[row, 0], f1 - gain * pulled[row, 1], f2 - gain * pulled[row, 2]
             f3, f4, f5 = f3 - gain * pulled[row, 3], f4 - gain * pulled[row, 4], f5 - gain * pulled[row, 5]
         for i in range(3):
@@ -459,7 +448,7 @@ def rate_of_variation(
             inverse[2, 0] * f0 + inverse[2, 1] * f1 + inverse[2, 2] * f2
             + inverse[2, 3] * f3 + inverse[2, 4] * f4 + inverse[2, 5] * f5,
         )  # fmt: skip
-        if length > 0.0 and length_rates.shape[0] > 0:
+        if columns > 3 and length > 0.0 and length_rates.shape[0] > 0:
             for row in range(count):
                 length_rates[tendons[row], c] += length * (
                     pulled[row, 0] * sx + pulled[row, 1] * sy + pulled[row, 2] * sz

@@ -6,10 +6,10 @@ import numpy as np
 
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.compiled import njit
-from tdcr_planner.statics.options import OPTIONS
+from tdcr_planner.statics.options import INLINED
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def se3_exp(twist: FloatArray, rotation: FloatArray, position: FloatArray) -> None:
     """Writes the rigid motion exp(a, b) of a twist (angular a, linear b): rotation (3, 3) and position (3,)."""
     ax, ay, az, bx, by, bz = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
@@ -44,7 +44,7 @@ def se3_exp(twist: FloatArray, rotation: FloatArray, position: FloatArray) -> No
     position[2] = c1 * bz + c2 * (ax * by - ay * bx) + dot * az
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def dexp_inverse(twist: FloatArray, strain: FloatArray, slope: FloatArray) -> None:
     """Writes the rate of the twist, dexp^-1 of the strain up to the fourth order of a step.
 

@@ -86,8 +86,23 @@ def solved_rod(robot: RobotSpec, solution: RodSolution) -> RodArrays:
     return rod_arrays(robot, solution.settings.steps_per_gap)
 
 
+def pulls_of(rod: RodArrays, solution: RodSolution) -> FloatArray:
+    """Returns the tensions along the tendons as `batch.record_cases` takes them."""
+    if solution.pulls is None:
+        return np.empty((0, len(rod.step_lengths), 3, rod.tendons.shape[1]))
+    return solution.pulls
+
+
 def record_solution(rod: RodArrays, solution: RodSolution) -> FloatArray:
     """Returns load, strain and rotation at every stage, shape (n, c, 4, 21); NaN where there is no equilibrium."""
     record = np.empty((len(solution.tensions), len(rod.step_lengths), 4, 21))
-    record_cases(rod, solution.tensions, solution.loads.batch, solution.converged, solution.base_moment, record)
+    record_cases(
+        rod,
+        solution.tensions,
+        pulls_of(rod, solution),
+        solution.loads.batch,
+        solution.converged,
+        solution.base_moment,
+        record,
+    )
     return record

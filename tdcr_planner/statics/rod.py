@@ -38,6 +38,7 @@ class RodArrays(NamedTuple):
         rest_strain: v* and u*, shape (c, 3, 6), dimensionless and 1/m.
         tendon_counts: Number of tendons in the step, shape (c,).
         tendons: Index of each tendon in the step, shape (c, t).
+        places: Column of each tendon in the step, -1 where it does not run, shape (c, t).
         offsets: r, x and y of each tendon in the backbone's frame, shape (c, 3, t, 2), m. For tendons that run straight
             from disk to disk these are the offsets in the rest shape.
         slopes: r', derivative of the offsets by arc length, shape (c, 3, t, 2), dimensionless.
@@ -58,6 +59,7 @@ class RodArrays(NamedTuple):
     rest_strain: FloatArray
     tendon_counts: IntArray
     tendons: IntArray
+    places: IntArray
     offsets: FloatArray
     slopes: FloatArray
     chords: FloatArray
@@ -83,7 +85,8 @@ class RodArrays(NamedTuple):
     def steps_of(self, tendon: int) -> tuple[IntArray, IntArray]:
         """Returns the steps that a tendon runs through and its column in each of them."""
         columns = np.arange(self.tendons.shape[1])
-        return np.nonzero((self.tendons == tendon) & (columns < self.tendon_counts[:, None]))
+        steps, places = np.nonzero((self.tendons == tendon) & (columns < self.tendon_counts[:, None]))
+        return steps.astype(np.int64), places.astype(np.int64)
 
 
 def rod_arrays(robot: RobotSpec, steps_per_gap: int | None = None) -> RodArrays:
@@ -122,6 +125,10 @@ def _cached_rod_arrays(robot: RobotSpec, steps_per_gap: int | None) -> RodArrays
     counts, tendons, offsets, slopes, chords = _tendon_paths(robot, points, middles)
     masses = robot.disk_masses.copy()
     masses[-1] += robot.tip.mass_kg
+    places = np.full_like(tendons, -1)
+    for column in range(tendons.shape[1]):
+        present = np.flatnonzero(counts > column)
+        places[present, tendons[present, column]] = column
     stiffness, rest = _at_points(robot.stiffness_at, inside), _at_points(robot.rest_strain_at, inside)
     rigid = np.ascontiguousarray(robot.rigid_at(middles), dtype=np.bool_)
     alike = np.abs(np.diff(h, prepend=np.inf)) <= near
@@ -136,6 +143,7 @@ def _cached_rod_arrays(robot: RobotSpec, steps_per_gap: int | None) -> RodArrays
         rest_strain=rest,
         tendon_counts=counts,
         tendons=tendons,
+        places=places,
         offsets=offsets,
         slopes=slopes,
         chords=chords,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import skew
 from tdcr_planner.statics.batch import variations_of_cases
@@ -70,6 +71,10 @@ def statics_jacobian(robot: RobotSpec, solution: RodSolution, *, with_disk_force
         solution: Its solution.
         with_disk_forces: Whether to return derivatives with respect to a force at each disk as well.
     """
+    if solution.pulls is not None:
+        raise InputError(
+            "solution", "a solution without friction (with it derivatives depend on the history)", "one with"
+        )
     rod = solved_rod(robot, solution)
     profiles = _force_profiles(rod, with_disk_forces)
     count, disks, tendons = len(solution.tensions), robot.disk_count, robot.tendon_count

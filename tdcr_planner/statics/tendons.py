@@ -10,7 +10,8 @@ from tdcr_planner.limits import at_most
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.statics.batch import lengths_of_cases
 from tdcr_planner.statics.drive_settings import drive_arrays
-from tdcr_planner.statics.profile import record_solution, solved_rod
+from tdcr_planner.statics.profile import pulls_of, record_solution, solved_rod
+from tdcr_planner.statics.rod import RodArrays
 from tdcr_planner.statics.solver import RodSolution
 
 
@@ -30,9 +31,37 @@ def tendon_lengths(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike 
     if tensions is not None:
         robot.check_tensions(tensions)
     rod = solved_rod(robot, solution)
-    lengths = np.empty((len(solution.tensions), 2, robot.tendon_count))
-    lengths_of_cases(rod, solution.tensions, solution.converged, record_solution(rod, solution), lengths)
-    return np.ascontiguousarray(lengths[:, 0])
+    return _path_integrals(rod, solution)[:, 0]
+
+
+def _path_integrals(rod: RodArrays, solution: RodSolution) -> FloatArray:
+    """Returns each path's length, m, and the integral of the tension along it, N m, shape (n, 2, t)."""
+    lengths = np.empty((len(solution.tensions), 2, rod.tendons.shape[1]))
+    record, pulls = record_solution(rod, solution), pulls_of(rod, solution)
+    lengths_of_cases(rod, solution.tensions, pulls, solution.converged, record, lengths)
+    return lengths
+
+
+def tendon_tensions(robot: RobotSpec, solution: RodSolution) -> tuple[FloatArray, FloatArray]:
+    """Returns the tension along each tendon.
+
+    Args:
+        robot: The robot.
+        solution: Its solution, with friction or without.
+
+    Returns:
+        Arc lengths of start, middle and end of each integration step, shape (c, 3), m, and the tensions there, shape
+        (n, c, 3, t), N, NaN where a tendon does not run.
+    """
+    rod = solved_rod(robot, solution)
+    tensions = np.full((len(solution.tensions), len(rod.step_lengths), 3, robot.tendon_count), np.nan)
+    for tendon in range(robot.tendon_count):
+        steps, columns = rod.steps_of(tendon)
+        if solution.pulls is None:
+            tensions[:, steps, :, tendon] = solution.tensions[None, :, tendon, None]
+        else:
+            tensions[:, steps, :, tendon] = solution.pulls[:, steps, :, columns]
+    return rod.stage_lengths[:, [0, 1, 3]], tensions
 
 
 def tendon_displacements(robot: RobotSpec, solution: RodSolution, tensions: ArrayLike | None = None) -> FloatArray:
@@ -50,11 +79,16 @@ def tendon_displacements(robot: RobotSpec, solution: RodSolution, tensions: Arra
     Returns:
         Shape (n, t), m; NaN for cases without an equilibrium.
     """
-    tension = solution.tensions if tensions is None else robot.check_tensions(tensions)
-    drive = drive_arrays(robot, solved_rod(robot, solution))
-    lengths = tendon_lengths(robot, solution)
+    rod = solved_rod(robot, solution)
+    drive = drive_arrays(robot, rod)
+    integrals = _path_integrals(rod, solution)
+    lengths, stretching = integrals[:, 0], integrals[:, 1]
+    tension = solution.tensions
+    if tensions is not None:
+        tension = robot.check_tensions(tensions)
+        stretching = tension * lengths
     stretched = (tension - drive.pretension) * drive.compliance
-    stretched = stretched + (tension * lengths - drive.pretension * drive.rest_lengths) * drive.stretch
+    stretched = stretched + (stretching - drive.pretension * drive.rest_lengths) * drive.stretch
     return np.asarray(drive.rest_lengths - lengths + stretched)
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import importlib.util
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -117,3 +120,59 @@ def loads_of() -> Callable[..., tuple[np.ndarray, dict[str, np.ndarray]]]:
         return tensions, outside
 
     return loads
+
+
+@pytest.fixture(scope="session")
+def extrapolated() -> Callable[..., tuple[np.ndarray, float]]:
+    """The solver of another kind, `chain.extrapolated`."""
+    specification = importlib.util.spec_from_file_location("statics_chain", Path(__file__).parent / "chain.py")
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module.extrapolated
+
+
+def make_routed_robot(
+    tendons: Sequence[dict[str, Any]],
+    *,
+    disks: int = 20,
+    length: float = 0.2,
+    backbone: dict[str, Any] | None = None,
+    segments: Sequence[dict[str, Any]] | None = None,
+    drive: dict[str, Any] | None = None,
+    tip: dict[str, Any] | None = None,
+    disk_mass: float = 0.0003,
+) -> RobotSpec:
+    """Returns a version 2 robot; `segments` replaces the one segment."""
+    one = {
+        "length_m": length,
+        "disks": disks,
+        "disk_radius_m": 0.012,
+        "disk_thickness_m": 1e-4,
+        "disk_mass_kg": disk_mass,
+    }
+    table = {
+        "format": "tdcr-robot/2",
+        "name": "routed",
+        "backbone": {
+            "youngs_modulus_pa": 60e9,
+            "poisson_ratio": 0.3,
+            "radius_m": 0.0005,
+            "density_kg_m3": 8000.0,
+        }
+        | (backbone or {}),
+        "segments": [one | segment for segment in segments or [{}]],
+        "tendons": [{"max_tension_n": 10.0, "segment": len(segments or [{}])} | tendon for tendon in tendons],
+        "tip": tip or {},
+    }
+    if "radius_points_m" in table["backbone"]:
+        del table["backbone"]["radius_m"]
+    if drive is not None:
+        table["drive"] = drive
+    return RobotSpec.model_validate(table)
+
+
+@pytest.fixture(scope="session")
+def routed() -> Callable[..., RobotSpec]:
+    return make_routed_robot
