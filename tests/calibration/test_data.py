@@ -63,7 +63,10 @@ def edited(**changes):
             {"tendon_displacement_2_m": lambda values: 1e3 * values},
             r"line 3, tendon_displacement_2_m: expected less than the 0.06 m .* got 0.181818; is it in mm\?",
         ),
-        ({"tip_x_m": lambda values: 1e3 * values}, r"line 3: a point is 4.5.* from the base, and the robot reaches 0.186 m; is the unit metre"),
+        (
+            {"tip_x_m": lambda values: 1e3 * values},
+            r"line 3: a point is 4.5.* from the base, and the robot reaches 0.186 m; is the unit metre",
+        ),
         (
             {"tip_x_m": lambda values: 1e-5 * values, "tip_z_m": lambda values: 1e-3 * values},
             r"all points move within 5e-07 m, on a robot of 0.12 m; is the unit metre\?",
