@@ -16,7 +16,7 @@ from tdcr_planner.calibration.data import MeasuredStates
 from tdcr_planner.calibration.fit import Fit, fit_bench
 from tdcr_planner.calibration.forward import Forward, Mechanics, UnloadedMechanics, place_points
 from tdcr_planner.calibration.holdout import FOLDS, blocks_in_time
-from tdcr_planner.calibration.parameters import make_blocks
+from tdcr_planner.calibration.parameters import check_names, make_blocks
 from tdcr_planner.calibration.selection import Selection, check_separable, select_names
 from tdcr_planner.calibration.uncertainty import Uncertainty, assess_uncertainty
 from tdcr_planner.errors import FormatError
@@ -94,6 +94,7 @@ def calibrate(
     if len(states) < LEAST_STATES:
         raise FormatError(states.path, f"expected {LEAST_STATES} states or more, got {len(states)}")
     bench = Bench.nominal(robot, marker)
+    check_names(bench, names or ())
     forward = Forward(states, mechanics or UnloadedMechanics())
     everything = np.ones(len(states), dtype=np.bool_)
     start = _place_if_far(forward, bench, names)

@@ -51,7 +51,7 @@ def commanded_states(bench: Bench, commands: FloatArray, *, point: str = "tip") 
         points=np.array([-1]),
         is_marker=(point == "marker",),
         positions=np.full((count, 1, 3), np.nan),
-        times=INTERVAL_S * np.arange(count),
+        times=INTERVAL_S * np.arange(count, dtype=np.float64),
         timed=True,
         gravity=np.zeros((count, 3)),
         tip_force=np.zeros((count, 3)),
