@@ -16,7 +16,7 @@ from tdcr_planner.calibration.data import MeasuredStates
 from tdcr_planner.calibration.fit import Fit, fit_bench
 from tdcr_planner.calibration.forward import Forward, Mechanics, UnloadedMechanics, place_points
 from tdcr_planner.calibration.holdout import FOLDS, blocks_in_time
-from tdcr_planner.calibration.parameters import make_blocks
+from tdcr_planner.calibration.parameters import check_names, make_blocks
 from tdcr_planner.calibration.selection import Selection, check_separable, select_names
 from tdcr_planner.calibration.uncertainty import Uncertainty, assess_uncertainty
 from tdcr_planner.errors import FormatError
@@ -94,6 +94,7 @@ def calibrate(
     if len(states) < LEAST_STATES:
         raise FormatError(states.path, f"expected {LEAST_STATES} states or more, got {len(states)}")
     bench = Bench.nominal(robot, marker)
+    check_names(bench, names or ())
     forward = Forward(states, mechanics or UnloadedMechanics())
     everything = np.ones(len(states), dtype=np.bool_)
     start = _place_if_far(forward, bench, names)
@@ -159,12 +160,12 @@ def _place_if_far(forward: Forward, bench: Bench, names: Sequence[str] | None) -
 def _check_explained(states: MeasuredStates, differences: FloatArray) -> None:
     """Refuses measurements that no numbers explain."""
     centre = np.nanmedian(states.positions, axis=0)
-    moved = float(np.sqrt(np.nanmean(np.sum((states.positions - centre) ** 2, axis=2))))
-    left = float(np.sqrt(np.nanmean(np.sum(differences**2, axis=2))))
+    moved = float(np.nanmedian(np.linalg.norm(states.positions - centre, axis=2)))
+    left = float(np.nanmedian(np.linalg.norm(differences, axis=2)))
     if not left <= UNEXPLAINED * moved:
         raise FormatError(
             states.path,
-            f"no parameters explain the positions: they move by {1e3 * moved:.3g} mm (root mean square), and "
+            f"no parameters explain the positions: they lie {1e3 * moved:.3g} mm from their middle in the median, and "
             f"{1e3 * left:.3g} mm of it is left over; are the columns of tendons in the order of the robot's file, x, "
             "y and z in place, the units metre and newton, and is it this robot?",
         )

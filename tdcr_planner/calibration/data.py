@@ -97,9 +97,10 @@ def read_measured_states(path: str | Path, robot: RobotSpec, *, base_is_known: b
     positions = table.numbers(names, may_be_empty=True).reshape(len(table.rows), len(points), 3)
     timed = "time_s" in table.header
     times = table.numbers(["time_s"])[:, 0] if timed else np.arange(float(len(table.rows)))
-    loads = []
-    for group in (_GRAVITY, _TIP_FORCE):
-        loads.append(table.numbers(group) if group[0] in table.header else np.zeros((len(table.rows), 3)))
+    gravity, tip_force = (
+        table.numbers(group) if group[0] in table.header else np.zeros((len(table.rows), 3))
+        for group in (_GRAVITY, _TIP_FORCE)
+    )
     for name in ("insertion_m", "roll_deg"):
         if name in table.header:
             checks.check_constant(table, name)
@@ -108,10 +109,20 @@ def read_measured_states(path: str | Path, robot: RobotSpec, *, base_is_known: b
     displacements, tensions = drive
     checks.check_actuation(table, robot, displacements, tensions)
     checks.check_positions(table, robot, positions, points, base_is_known=base_is_known)
-    checks.check_loads(table, loads[0], loads[1])
+    checks.check_loads(table, gravity, tip_force)
     patterns = tuple(table.texts("pattern")) if "pattern" in table.header else ()
     return MeasuredStates(
-        table, displacements, tensions, points, is_marker, positions, times - times[0], timed, *loads, patterns
+        table,
+        displacements,
+        tensions,
+        points,
+        is_marker,
+        positions,
+        times - times[0],
+        timed,
+        gravity,
+        tip_force,
+        patterns,
     )
 
 

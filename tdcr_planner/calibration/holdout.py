@@ -26,7 +26,8 @@ def blocks_in_time(states: MeasuredStates, folds: int = FOLDS) -> IntArray:
     if states.patterns:
         ends = [row + 1 for row, (a, b) in enumerate(pairwise(states.patterns)) if a != b] + [count]
     fold = np.zeros(count, dtype=np.int64)
-    cuts = [min(ends, key=lambda end, want=count * index / folds: abs(end - want)) for index in range(1, folds)]
-    for cut in sorted(set(cuts)):
+    places = np.array(ends)
+    cuts = {int(places[np.argmin(np.abs(places - count * index / folds))]) for index in range(1, folds)}
+    for cut in sorted(cuts):
         fold[cut:] += 1
     return fold

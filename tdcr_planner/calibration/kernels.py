@@ -147,7 +147,7 @@ def search_direction(robot: ArcArrays, sums: Balance, step: FloatArray) -> tuple
     for k in range(step.shape[0]):
         if k % 3 != 2:
             largest = max(largest, abs(step[k]) * robot.lengths[k // 3])
-    return step @ sums.gradient, largest
+    return float(step @ sums.gradient), largest
 
 
 @njit(**{**OPTIONS, "cache": False})

@@ -13,8 +13,8 @@ HARDLY_DETERMINED = 0.5
 """A parameter whose deviation the measurements leave above this fraction of the one before is not determined."""
 ALIKE = 0.95
 """Parameters of a correlation beyond this are told apart badly."""
-MAIN_COMPONENT = 0.35
-"""Of a unit vector of parameters: those that a direction which nothing determines consists of."""
+MAIN_COMPONENT = 0.25
+"""Parameters count to a combination that nothing tells when they act by more than this fraction of the strongest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +83,11 @@ def find_inseparable(information: FloatArray, labels: list[str], *, below: float
         below: Information on a combination below which it counts as not told.
     """
     values, vectors = np.linalg.eigh(information)
+    # What each parameter by itself would do to the measurements: in a combination that does nothing they cancel.
+    actions = np.abs(vectors) * np.sqrt(np.diag(information))[:, None]
     groups = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        main = [label for label, part in zip(labels, vector, strict=True) if abs(part) > MAIN_COMPONENT]
+    for value, action in zip(values, actions.T, strict=True):
+        main = [label for label, part in zip(labels, action, strict=True) if part > MAIN_COMPONENT * action.max()]
         if value < below and len(main) > 1:
             groups.append(tuple(main))
     return tuple(groups)
