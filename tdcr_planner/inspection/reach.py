@@ -13,8 +13,9 @@ from scipy.spatial import cKDTree
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.errors import InputError
+from tdcr_planner.planning.causes import CAUSES, Cause
 from tdcr_planner.planning.edges import EdgeChecker
-from tdcr_planner.planning.validity import CAUSES, Cause, ValidityChecker, sample_within_tensions
+from tdcr_planner.planning.validity import ValidityChecker, sample_within_tensions
 from tdcr_planner.query.session import PlanningSession
 
 Progress = Callable[[float, str], None]
