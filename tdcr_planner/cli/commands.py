@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from tdcr_planner.cli.compare import compare
+from tdcr_planner.cli.design import design
 from tdcr_planner.cli.evaluate import evaluate
 from tdcr_planner.cli.info import info
 from tdcr_planner.cli.inspect import inspect
@@ -22,6 +23,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "plan": plan,
     "inspect": inspect,
     "reach": reach,
+    "design": design,
     "verify": verify,
     "roadmap": roadmap,
     "robustness": robustness,

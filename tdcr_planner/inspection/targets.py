@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -143,8 +144,8 @@ def _spread_points(
     faces, points = possible[faces[kept]], points[kept]
     chosen = thin_out(points, spacing)
     _, nearest = cKDTree(points[chosen]).query(points)
-    normals = np.asarray(cross[faces[chosen]] / (2.0 * areas[faces[chosen]])[:, None], dtype=np.float64)
-    stands_for: FloatArray = each * np.bincount(nearest, minlength=len(chosen))
+    normals: Any = cross[faces[chosen]] / (2.0 * areas[faces[chosen]])[:, None]
+    stands_for: Any = each * np.bincount(nearest, minlength=len(chosen))
     return np.asarray(points[chosen]), normals, stands_for, faces[chosen]
 
 
