@@ -165,7 +165,7 @@ def assess_robustness(
     for number, varied in enumerate([tolerances, *(tolerances.only(name) for name in alone)]):
         states = []
         for sample in range(samples):
-            drawn = _draw(result.scenario, varied, np.random.default_rng([seed, number, sample]))
+            drawn = draw_robot(result.scenario, varied, np.random.default_rng([seed, number, sample]))
             states.append(assessment.states(drawn))
             if number == 0:
                 outcomes.append(assessment.verdict(drawn))
@@ -228,8 +228,8 @@ class _Assessment:
         return report.verified, report.cause
 
 
-def _draw(scenario: Scenario, tolerances: Tolerances, generator: np.random.Generator) -> ConfigurationSpace:
-    """Returns one robot within the tolerances, mounted within the tolerances."""
+def draw_robot(scenario: Scenario, tolerances: Tolerances, generator: np.random.Generator) -> ConfigurationSpace:
+    """Returns the configurations of one robot within the tolerances, mounted within the tolerances."""
     base = scenario.file.base
     stiffness = float(np.exp(tolerances.youngs_modulus * generator.standard_normal()))
     mass = float(np.exp(tolerances.mass * generator.standard_normal()))

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from tdcr_planner.cli.adopt import adopt
 from tdcr_planner.cli.calibrate import calibrate
 from tdcr_planner.cli.compare import compare
+from tdcr_planner.cli.design import design
 from tdcr_planner.cli.evaluate import evaluate
 from tdcr_planner.cli.info import info
 from tdcr_planner.cli.inspect import inspect
@@ -25,6 +26,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "plan": plan,
     "inspect": inspect,
     "reach": reach,
+    "design": design,
     "verify": verify,
     "roadmap": roadmap,
     "robustness": robustness,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
@@ -24,19 +24,19 @@ class ViewGraph:
 
     Attributes:
         rows: Configurations, shape (n, dimension); the start is the first.
-        views: Vertices that are views, in the order in which they were added.
+        views: Vertices that are views, the start first, in the order in which they were added.
         seen: What each of `views` sees, a row of points each.
         reached: Points that some view sees, shape (p,).
     """
 
-    def __init__(self, edges: EdgeChecker, roadmap: Roadmap, start: FloatArray, points: int) -> None:
+    def __init__(self, edges: EdgeChecker, roadmap: Roadmap, start: FloatArray, seen: BoolArray) -> None:
         """Takes the part of a roadmap that the start, its first vertex, is in.
 
         Args:
             edges: Validity of the motions that join views.
             roadmap: The roadmap.
             start: The start's configuration, shape (dimension,).
-            points: Number of points p.
+            seen: What the start sees, shape (p,).
         """
         self._edges = edges
         self._scale = roadmap.motion_scale
@@ -48,12 +48,12 @@ class ViewGraph:
         pairs = place[roadmap.edges]
         self.rows: FloatArray = roadmap.rows[inside]
         self._pairs: list[tuple[int, int]] = [(int(a), int(b)) for a, b in pairs[(pairs >= 0).all(axis=1)]]
-        self.views: list[int] = []
-        self.seen: list[BoolArray] = []
-        self.reached: BoolArray = np.zeros(points, dtype=np.bool_)
+        self.views: list[int] = [0]
+        self.seen: list[BoolArray] = [seen]
+        self.reached: BoolArray = seen.copy()
         self._tree = cKDTree(self.rows * self._scale)
         self._refused: set[bytes] = set()
-        self._known: set[bytes] = set()
+        self._known: set[bytes] = {start.tobytes()}
 
     def add(self, row: FloatArray, seen: BoolArray, deadline: float) -> bool:
         """Joins a view to the graph; returns whether the start reaches it.
@@ -90,8 +90,6 @@ class ViewGraph:
 
     def _nearest_views(self, row: FloatArray) -> list[int]:
         """Returns the views nearest to a configuration, two at most."""
-        if not self.views:
-            return []
         apart = np.linalg.norm((self.rows[self.views] - row) * self._scale, axis=1)
         return [self.views[index] for index in np.argsort(apart, kind="stable")[:2].tolist()]
 
@@ -105,7 +103,7 @@ class ViewGraph:
             deadline: When to end, by time.monotonic().
             first_deadline: The same while points are open that no reached view sees.
         """
-        counts = np.sum(self.seen, axis=0, dtype=np.int64) if self.seen else np.zeros(len(weights), dtype=np.int64)
+        counts = np.sum(self.seen, axis=0, dtype=np.int64)
         open_ = np.array([row.tobytes() not in self._refused | self._known for row in survey.rows], dtype=np.bool_)
         for level in range(1, depth + 1):
             while time.monotonic() < (first_deadline if level == 1 else deadline):
@@ -116,15 +114,6 @@ class ViewGraph:
                 open_[best] = False
                 if self.add(survey.rows[best], survey.seen[best], first_deadline):
                     counts += survey.seen[best]
-
-    def remove(self, row_a: FloatArray, row_b: FloatArray) -> None:
-        """Takes out the motions between two configurations."""
-        match = [int(np.flatnonzero((self.rows == row).all(axis=1))[0]) for row in (row_a, row_b)]
-        self._pairs = [pair for pair in self._pairs if sorted(pair) != sorted(match)]
-
-    def length(self, rows: FloatArray) -> float:
-        """Returns the body motion of a path of waypoints (k, dimension), m."""
-        return float(np.linalg.norm(np.diff(rows, axis=0) * self._scale, axis=1).sum())
 
     def graph(self) -> Any:
         """Returns the motions' lengths, m, as a sparse matrix (n, n), both ways."""
@@ -138,8 +127,3 @@ class ViewGraph:
         """Returns the shortest ways from some vertices: their lengths, shape (m, n), m, and predecessors, (m, n)."""
         lengths, before = dijkstra(self.graph(), directed=False, indices=vertices, return_predecessors=True)
         return np.asarray(lengths), np.asarray(before, dtype=np.int64)
-
-    @property
-    def components(self) -> int:
-        """Number of connected parts."""
-        return int(connected_components(self.graph(), directed=False)[0])

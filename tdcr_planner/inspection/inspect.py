@@ -78,6 +78,12 @@ def make_visibility(session: PlanningSession, scenario: Scenario | None = None) 
     return Visibility(camera, targets, meshes, session.scene.body)
 
 
+def make_search(session: PlanningSession, scenario: Scenario | None = None) -> InspectionSearch:
+    """Returns a search for a path that sees what a scenario asks for; see `make_visibility` for what it raises."""
+    query = _Query(session, scenario or session.scenario, 0.0)
+    return query.search(query.checker())
+
+
 def inspect(
     session: PlanningSession,
     scenario: Scenario | None = None,
@@ -123,11 +129,11 @@ class _Query:
 
     def answer(self, progress: Progress | None) -> Inspection:
         """Searches, verifies and repairs until there is an answer or the time is over."""
-        checker = self._checker()
+        checker = self.checker()
         problem = checker.explain(self._start)
         if problem:
             return self._without_path(PlanStatus.INVALID_START, f"the start is not valid: {problem}")
-        search = self._search(checker)
+        search = self.search(checker)
         best: tuple[VerificationReport, SolvedStates, Sight] | None = None
         failed: tuple[VerificationReport, SolvedStates, Sight] | None = None
         while True:
@@ -151,16 +157,18 @@ class _Query:
                 search = self._continue(search)
             else:
                 self._learn(report, states)
-                search = self._search(self._checker(), search)
+                search = self.search(self.checker(), search)
         return self._result(search, best or failed)
 
-    def _checker(self) -> ValidityChecker:
+    def checker(self) -> ValidityChecker:
+        """Returns the validity checker with what repairs have taught."""
         checker = self._session.checker(self._query, extra_margin=self._extra_margin)
         for row in self._ruled_out:
             checker.rule_out(row, RULED_OUT_M)
         return checker
 
-    def _search(self, checker: ValidityChecker, earlier: InspectionSearch | None = None) -> InspectionSearch:
+    def search(self, checker: ValidityChecker, earlier: InspectionSearch | None = None) -> InspectionSearch:
+        """Returns a search that has not begun, with the views of an earlier one."""
         settings, table = self._query.planner, self._table
         assert table is not None  # `make_visibility` has looked
         edges = EdgeChecker(checker, settings.step_m)

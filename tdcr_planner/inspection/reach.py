@@ -171,6 +171,12 @@ def map_reach(
     return search.confirmed(begin)
 
 
+def scene_grid(session: PlanningSession, cells: int) -> Grid:
+    """Returns a grid of about so many cells over the scene's meshes, whatever the robot."""
+    bounds = [mesh.bounds for mesh in session.meshes]
+    return Grid.of(np.min([low for low, _ in bounds], axis=0), np.max([high for _, high in bounds], axis=0), cells)
+
+
 def _volume(session: PlanningSession, checker: ValidityChecker, cells: int, generator: np.random.Generator) -> Grid:
     """Returns a grid over all tips of shapes within the limits, as far as they lie in the box around the cavities."""
     shapes = checker.shapes(sample_within_tensions(checker, _FIRST, generator))

@@ -26,6 +26,7 @@ _FIRST_ROUND_S = 0.6
 _GROWTH = 1.7  # of a round's time over that of the one before
 # Of a round's time: roadmap, survey, joining views, tour; tightening has the rest.
 _ROADMAP, _SURVEY, _JOIN, _TOUR = 0.2, 0.2, 0.15, 0.15
+_EXPLORE = _ROADMAP + _SURVEY + _JOIN
 _DEPTH = 4  # views of each point that the tour may choose from
 _MOST_VERTICES = 6_000
 _FIRST_JOIN_S = 3.0  # for joining what is seen from no reached state, at least
@@ -123,22 +124,31 @@ class InspectionSearch:
         return f"sees {100 * self.covered / total:.1f} of {100 * can / total:.1f} %, {self.length:.3f} m"
 
     def _round(self, stop: float, begin: float) -> None:
+        """Explores, then looks for a tour and shortens it."""
+        graph = self._explore(stop)
+        if not self.reached.any():
+            return
+        rows = self._tour(graph, time.monotonic() + _TOUR * max(stop - time.monotonic(), 0.0) / (1.0 - _EXPLORE))
+        self._shorten(rows, stop, begin)
+
+    def _explore(self, stop: float) -> ViewGraph:
+        """Grows roadmap and survey and joins views; returns the graph of what the start reaches."""
         now = time.monotonic()
         size = stop - now
         if self.builder.vertices < _MOST_VERTICES:
             self.builder.run(time_limit_s=_ROADMAP * size)
         self.survey.run(time.monotonic() + _SURVEY * size)
-        graph = ViewGraph(self.edges, self.builder.roadmap(), self.start, len(self.weights))
-        graph.add(self.start, self._seen_from(self.start), stop)
+        graph = ViewGraph(self.edges, self.builder.roadmap(), self.start, self._seen_from(self.start))
         for row, seen in self._joined:
             graph.add(row, seen, stop)
         depth = 1 if self._rounds == 0 else _DEPTH
         graph.cover(self.survey, self.weights, depth, time.monotonic() + _JOIN * size, max(stop, now + _FIRST_JOIN_S))
         self._joined = list(zip(graph.rows[graph.views], graph.seen, strict=True))
         self.reached = graph.reached | self.reached if len(self.reached) else graph.reached
-        if not self.reached.any():
-            return
-        rows = self._tour(graph, time.monotonic() + _TOUR * size)
+        return graph
+
+    def _shorten(self, rows: FloatArray, stop: float, begin: float) -> None:
+        """Shortens a tour, and now and then the best path once more, and keeps what is better."""
         generator = np.random.default_rng([self.seed, self._rounds])
         candidates = [rows] if self.best is None or self._rounds % 2 else [self.best, rows]
         for number, candidate in enumerate(candidates):

@@ -10,8 +10,8 @@ from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.inspection.visibility import Visibility
 from tdcr_planner.planning.validity import ValidityChecker, sample_within_tensions
 
-_BATCH = 1024  # states drawn at large for a batch
-_GROWN = 2048  # states drawn around known views for a batch
+_BATCH = 1024  # states drawn at large for a batch; twice as many are drawn around known views
+_SLOW_BATCH = 128  # the same for the reference, which takes a quarter of a millisecond a state
 _REACH = 0.15  # longest step from a known view, in robot lengths of body motion
 _HALVINGS = 6  # how often the longest step is halved at most
 _ENOUGH = 30  # views of a point above which another is kept only for what else it sees
@@ -45,7 +45,7 @@ class Survey:
         self._free: list[tuple[FloatArray, FloatArray]] = []
         self._generator = np.random.default_rng(seed)
         self._reach = _REACH * checker.robot.length
-        self._order = np.random.default_rng(seed + 1)
+        self._batch = _SLOW_BATCH if checker.model.name == "reference" else _BATCH
 
     def add(self, rows: FloatArray) -> None:
         """Looks from configurations, shape (n, dimension), and keeps those valid ones that see what few others see."""
@@ -84,17 +84,18 @@ class Survey:
         """Adds batches until a time by time.monotonic(), a few at least."""
         batches = 0
         while batches < least_batches or time.monotonic() < deadline:
-            self.add(sample_within_tensions(self.checker, _BATCH, self._generator))
+            self.add(sample_within_tensions(self.checker, self._batch, self._generator))
             if len(self.rows):
                 self.add(self._grown())
             batches += 1
 
     def _grown(self) -> FloatArray:
         """Returns configurations around views that see what few others see."""
+        count = 2 * self._batch
         worth = self.seen @ (1.0 / (1.0 + self.counts) ** 2)
-        roots = self._generator.choice(len(self.rows), size=_GROWN, p=worth / worth.sum())
-        size = self._reach * 2.0 ** self._generator.uniform(-_HALVINGS, 0.0, (_GROWN, 1))
-        steps = size * self._generator.normal(size=(_GROWN, self.rows.shape[1])) / self.checker.motion_scale
+        roots = self._generator.choice(len(self.rows), size=count, p=worth / worth.sum())
+        size = self._reach * 2.0 ** self._generator.uniform(-_HALVINGS, 0.0, (count, 1))
+        steps = size * self._generator.normal(size=(count, self.rows.shape[1])) / self.checker.motion_scale
         space = self.checker.space
         return np.clip(self.rows[roots] + steps, space.lower, space.upper)
 

@@ -13,6 +13,7 @@ import numpy as np
 from tdcr_planner.files import real_path, sha256_of_file, write_folder_whole
 from tdcr_planner.inspection.coverage import Coverage
 from tdcr_planner.inspection.inspect import Inspection
+from tdcr_planner.inspection.tolerance import CoverageSpread
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.results import result_content
 from tdcr_planner.report.state_files import write_shapes, write_trajectory_csv
@@ -50,8 +51,17 @@ COLUMNS = (
 )
 
 
-def write_inspection_data(inspection: Inspection, folder: str | Path) -> Path:
+SPREAD_COLUMNS = ("probability_of_being_seen", "probability_low", "probability_high")
+"""What coverage.csv holds besides where robots within tolerances were drawn."""
+
+
+def write_inspection_data(inspection: Inspection, folder: str | Path, spread: CoverageSpread | None = None) -> Path:
     """Writes result.json, trajectory.csv, shapes.npz and coverage.csv, all or none; returns the path of result.json.
+
+    Args:
+        inspection: The answer to an inspection.
+        folder: Where to write; made when missing.
+        spread: What robots within tolerances see along the path; None where it was not asked for.
 
     Raises:
         FormatError: The folder cannot be written.
@@ -61,9 +71,12 @@ def write_inspection_data(inspection: Inspection, folder: str | Path) -> Path:
     with write_folder_whole(target) as staging:
         write_shapes(result, staging / "shapes.npz")
         write_trajectory_csv(result, staging / "trajectory.csv")
-        write_coverage_csv(inspection, staging / "coverage.csv")
+        write_coverage_csv(inspection, staging / "coverage.csv", spread)
         content = result_content(result, target)
-        content["coverage"] = plain_json(coverage_content(inspection.coverage))
+        coverage = coverage_content(inspection.coverage)
+        if spread is not None:
+            coverage["tolerances"] = spread_content(spread)
+        content["coverage"] = plain_json(coverage)
         content["shapes_sha256"] = sha256_of_file(staging / "shapes.npz")
         text = json.dumps(content, indent=1, allow_nan=False)
         (staging / "result.json").write_text(text + "\n", encoding="utf-8")
@@ -91,18 +104,36 @@ def coverage_content(coverage: Coverage) -> dict[str, Any]:
     }
 
 
-def write_coverage_csv(inspection: Inspection, file: str | Path) -> None:
-    """Writes a row a point: where it is, whether and when it is seen, how well, and otherwise why not."""
+def spread_content(spread: CoverageSpread) -> dict[str, Any]:
+    """Returns what result.json says of the coverage on robots within tolerances."""
+    low, middle = (float(np.quantile(spread.shares, level)) for level in (0.05, 0.5))
+    return {
+        "robots": spread.samples,
+        "seed": spread.seed,
+        "standard_deviations": dict(spread.tolerances.items()),
+        "of_all_median": middle,
+        "of_all_5_percent": low,
+        "of_all_sure": spread.sure,
+    }
+
+
+def write_coverage_csv(inspection: Inspection, file: str | Path, spread: CoverageSpread | None = None) -> None:
+    """Writes a row a point: where it is, whether and when it is seen, how well, and otherwise why not.
+
+    With a spread, three columns more: how likely it is seen by robots within tolerances, and the interval of that.
+    """
+    rates = None if spread is None else spread.rates
     coverage, path = inspection.coverage, inspection.plan.path
     targets, sight = coverage.targets, coverage.sight
     names = [Path(entry.file).name for entry in inspection.plan.scenario.file.meshes]
     incidence = sight.incidence_deg
     with Path(file).open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
-        writer.writerow(COLUMNS)
+        writer.writerow(COLUMNS if rates is None else (*COLUMNS, *SPREAD_COLUMNS))
         for index, state in enumerate(coverage.states()):
             first = int(sight.first[index])
             cause = coverage.causes[index]
+            likely = [] if rates is None else _numbers(rates[index].value, rates[index].low, rates[index].high)
             writer.writerow(
                 [
                     index + 1,
@@ -113,6 +144,7 @@ def write_coverage_csv(inspection: Inspection, file: str | Path) -> None:
                     int(sight.looks[index]),
                     *_numbers(sight.distance[index], incidence[index], sight.pixel[index]),
                     "" if cause is None else cause.value,
+                    *likely,
                 ]
             )
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.inspection.camera import Camera
 from tdcr_planner.report import raster
 from tdcr_planner.report.coverage_map import PaintedMesh
@@ -96,7 +96,8 @@ def _cut(local: FloatArray, faces: IntArray, edge: float) -> tuple[IntArray, Flo
     limit = edge * local[:, 2]
     x, y = local[:, 0], local[:, 1]
     beyond = np.stack([x > limit, x < -limit, y > limit, y < -limit], axis=1)
-    inside = np.flatnonzero(~np.asarray(beyond[faces].all(axis=1)).any(axis=1))
+    out: BoolArray = np.asarray(beyond[faces].all(axis=1))
+    inside = np.flatnonzero(~out.any(axis=1))
     count = np.zeros(len(faces), dtype=np.int64)
     count[inside] = ahead[faces[inside]].sum(axis=1)
     whole = np.flatnonzero(count == 3)
