@@ -1,9 +1,11 @@
-"""Your own network: a plain PyTorch network, trained, exported, adopted and planned with, verified by the reference."""
+"""Your own network: a plain PyTorch network, trained, exported, adopted and planned with, verified by the reference.
+
+Run: python examples/07_own_network.py --out out/own_network
+"""
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +13,10 @@ import torch
 from torch import nn
 
 from tdcr_planner import load_robot, load_scenario, plan, solve_statics
+from tdcr_planner.cli.main import run
 
 ROOT = Path(__file__).resolve().parents[1]
-ROBOT, OUT = ROOT / "models/robots/paper.toml", Path("out/own_network")
+ROBOT = ROOT / "models/robots/paper.toml"
 
 
 class Plain(nn.Module):
@@ -51,13 +54,13 @@ def shapes(count: int, seed: int) -> tuple[torch.Tensor, torch.Tensor]:
     return torch.tensor(tensions).float(), torch.tensor(labels).float()
 
 
-def main() -> None:
+def main(out: Path) -> None:
     torch.manual_seed(1)
-    OUT.mkdir(parents=True, exist_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
     x, y = shapes(20_000, seed=1)
     network = Plain(y.shape[1])
     optimiser = torch.optim.Adam(network.parameters(), lr=3e-3)
-    steps = 6000
+    steps = 3000
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     for _ in range(steps):
         rows = torch.randint(len(x), (512,))
@@ -67,22 +70,22 @@ def main() -> None:
         optimiser.step()
         schedule.step()
     print(f"trained: {100.0 * loss.item() ** 0.5:.2f} mm root mean square")
-    torch.jit.script(network.eval()).save(OUT / "mine.pt")
+    torch.jit.script(network.eval()).save(out / "mine.pt")
 
-    options = ["--outputs", "positions,rotation_vectors", "--length-unit", "mm"]
-    command = ["tdcr", "adopt", OUT / "mine.pt", "--robot", ROBOT, "--out", OUT / "model.pt", *options]
-    subprocess.run([sys.executable, "-c", "from tdcr_planner.cli.main import main; main()", *command[1:]], check=False)
+    options = ["--outputs", "positions,rotation_vectors", "--length-unit", "mm", "--no-progress"]
+    run(["adopt", str(out / "mine.pt"), "--robot", str(ROBOT), "--out", str(out / "model.pt"), *options])
 
     text = (ROOT / "scenes/duct/scenario_narrowing.toml").read_text(encoding="utf-8")
-    text = text.replace("../../models/shape/paper/model.pt", str((OUT / "model.pt").resolve()))
+    text = text.replace("../../models/shape/paper/model.pt", str((out / "model.pt").resolve()))
     text = text.replace("../../models", str(ROOT / "models")).replace('file = "', f'file = "{ROOT}/scenes/duct/')
-    (OUT / "scenario.toml").write_text(text, encoding="utf-8")
-    result = plan(load_scenario(OUT / "scenario.toml"))
+    (out / "scenario.toml").write_text(text, encoding="utf-8")
+    result = plan(load_scenario(out / "scenario.toml"))
     worst = result.verification.worst if result.verification else {}
-    print(
-        f"{result.status.value}: the network was off by {1e3 * worst.get('deviation_m', np.nan):.2f} mm at most on the path"
-    )
+    off = 1e3 * worst.get("deviation_m", np.nan)
+    print(f"{result.status.value}: the network was off by {off:.2f} mm at most on the path")
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--out", type=Path, default=Path("out/own_network"))
+    main(parser.parse_args().out)
