@@ -3,10 +3,95 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
+
+if TYPE_CHECKING:
+    from tdcr_planner.adoption.discovery import Given
+    from tdcr_planner.learning.settings import DomainSettings
+    from tdcr_planner.robot import RobotSpec
+
+
+@dataclass(frozen=True)
+class ConventionOptions:
+    """What is known of the network's convention; the rest is found.
+
+    Attributes:
+        inputs: What it takes, in order, with commas: tensions, bending, gravity, tip_force, arc_length (a row a disk).
+        outputs: What it gives, in order, with commas: positions, rotations, poses, quaternions_wxyz, quaternions_xyzw,
+            rotations_6d, rotation_vectors, ignored.
+        length_unit: Unit of positions and arc lengths.
+        force_unit: Unit of tensions, bending vectors and tip force.
+        tendon_order: For each of its tendons the robot's, counted from 1, as in 2,3,1.
+        base_turn_deg: Turn of the robot's base frame about z as the network's frame has it, in degrees.
+        transposed: Its rotations are disk_from_base.
+        disk_order: Order of the disks in its answer.
+    """
+
+    inputs: str | None = None
+    outputs: str | None = None
+    length_unit: Literal["m", "cm", "mm"] = "m"
+    force_unit: Literal["N", "mN"] = "N"
+    tendon_order: str | None = None
+    base_turn_deg: float = 0.0
+    transposed: bool = False
+    disk_order: Literal["base_to_tip", "tip_to_base"] = "base_to_tip"
+
+    def given(self, robot: RobotSpec) -> Given:
+        """Returns what the options say."""
+        from tdcr_planner.adoption.discovery import Given, check_names
+
+        half = math.radians(self.base_turn_deg) / 2.0
+        others: dict[str, Any] = {
+            "length_unit": self.length_unit,
+            "force_unit": self.force_unit,
+            "transposed": self.transposed,
+            "disk_order": self.disk_order,
+            "base_quaternion_wxyz": (math.cos(half), 0.0, 0.0, math.sin(half)),
+        }
+        if self.tendon_order is not None:
+            others["tendon_order"] = _check_order(self.tendon_order, robot.tendon_count)
+        return Given(
+            inputs=None if self.inputs is None else check_names("--inputs", self.inputs, "inputs"),
+            outputs=None if self.outputs is None else check_names("--outputs", self.outputs, "outputs"),
+            others=others,
+        )
+
+
+@dataclass(frozen=True)
+class DomainOptions:
+    """The inputs that the network shall answer for.
+
+    Attributes:
+        gravity_m_s2: Largest gravity of the domain; the Earth's if it takes gravity.
+        tip_force_n: Largest tip force of the domain; one that moves the tip by a tenth of the length if it takes one.
+        tension_share: Part of each tendon's limit up to which it shall answer.
+    """
+
+    gravity_m_s2: float | None = None
+    tip_force_n: float | None = None
+    tension_share: float = 1.0
+
+    def settings(self) -> DomainSettings:
+        """Returns the domain that the options say."""
+        from tdcr_planner.errors import InputError
+        from tdcr_planner.learning.settings import DomainSettings
+
+        found: dict[str, Any] = {}
+        for name, value, low, high in (
+            ("tension_share", self.tension_share, 1e-3, 1.0),
+            ("gravity_m_s2", self.gravity_m_s2, 0.0, 100.0),
+            ("tip_force_n", self.tip_force_n, 0.0, 1e6),
+        ):
+            if value is None:
+                continue
+            if not low <= value <= high:
+                raise InputError(f"--{name.replace('_', '-')}", f"a number from {low:g} to {high:g}", value)
+            found[name] = value
+        return DomainSettings(**found)
 
 
 def adopt(
@@ -14,17 +99,8 @@ def adopt(
     *,
     robot: Path,
     out: Path,
-    inputs: str | None = None,
-    outputs: str | None = None,
-    length_unit: Literal["m", "cm", "mm"] = "m",
-    force_unit: Literal["N", "mN"] = "N",
-    tendon_order: str | None = None,
-    base_turn_deg: float = 0.0,
-    transposed: bool = False,
-    disk_order: Literal["base_to_tip", "tip_to_base"] = "base_to_tip",
-    gravity_m_s2: float | None = None,
-    tip_force_n: float | None = None,
-    tension_share: float = 1.0,
+    convention: Annotated[ConventionOptions, tyro.conf.arg(name="")] = ConventionOptions(),
+    domain: Annotated[DomainOptions, tyro.conf.arg(name="")] = DomainOptions(),
     correct: bool = False,
     alpha: float = 0.001,
     cases: int = 8_000,
@@ -47,18 +123,8 @@ def adopt(
         module: The network's file.
         robot: Robot file.
         out: Model file to write.
-        inputs: What it takes, in order, with commas: tensions, bending, gravity, tip_force, arc_length (a row a disk).
-        outputs: What it gives, in order, with commas: positions, rotations, poses, quaternions_wxyz, quaternions_xyzw,
-            rotations_6d, rotation_vectors, ignored.
-        length_unit: Unit of positions and arc lengths.
-        force_unit: Unit of tensions, bending vectors and tip force.
-        tendon_order: For each of its tendons the robot's, counted from 1, as in 2,3,1.
-        base_turn_deg: Turn of the robot's base frame about z as the network's frame has it, in degrees.
-        transposed: Its rotations are disk_from_base.
-        disk_order: Order of the disks in its answer.
-        gravity_m_s2: Largest gravity of the domain; the Earth's if it takes gravity.
-        tip_force_n: Largest tip force of the domain; one that moves the tip by a tenth of the length if it takes one.
-        tension_share: Part of each tendon's limit up to which it shall answer.
+        convention: What is known of its convention.
+        domain: The inputs that it shall answer for.
         correct: Apply one Newton step by mechanics to its answers.
         alpha: Part of fresh cases that may exceed the error bound.
         cases: Calibration cases of each sample.
@@ -67,15 +133,12 @@ def adopt(
     """
     from tdcr_planner.adoption.adopt import AdoptSettings
     from tdcr_planner.adoption.adopt import adopt as adopt_network
-    from tdcr_planner.adoption.discovery import Given, check_names
     from tdcr_planner.bounds import SEED
     from tdcr_planner.cli.cost import REFERENCE_S, tell_cost
     from tdcr_planner.cli.pictures import draw_after
     from tdcr_planner.cli.progress import StageBar
-    from tdcr_planner.errors import InputError
     from tdcr_planner.files import check_file_target
     from tdcr_planner.learning.fitness import judge_fitness
-    from tdcr_planner.learning.settings import DomainSettings
     from tdcr_planner.report.adoption_plot import draw_adoption
     from tdcr_planner.robot import load_robot
     from tdcr_planner.shape.learned import load_shape_model
@@ -83,35 +146,9 @@ def adopt(
     SEED.check("--seed", seed)
     check_file_target(out)
     spec = load_robot(robot)
-    half = math.radians(base_turn_deg) / 2.0
-    others: dict[str, Any] = {
-        "length_unit": length_unit,
-        "force_unit": force_unit,
-        "transposed": transposed,
-        "disk_order": disk_order,
-        "base_quaternion_wxyz": (math.cos(half), 0.0, 0.0, math.sin(half)),
-    }
-    if tendon_order is not None:
-        others["tendon_order"] = _check_order(tendon_order, spec.tendon_count)
-    domain: dict[str, Any] = {"tension_share": tension_share}
-    if gravity_m_s2 is not None:
-        domain["gravity_m_s2"] = gravity_m_s2
-    if tip_force_n is not None:
-        domain["tip_force_n"] = tip_force_n
-    for name, value, low, high in (
-        ("--tension-share", tension_share, 1e-3, 1.0),
-        ("--gravity-m-s2", gravity_m_s2, 0.0, 100.0),
-        ("--tip-force-n", tip_force_n, 0.0, 1e6),
-    ):
-        if value is not None and not low <= value <= high:
-            raise InputError(name, f"a number from {low:g} to {high:g}", value)
     settings = AdoptSettings(
-        given=Given(
-            inputs=None if inputs is None else check_names("--inputs", inputs, "inputs"),
-            outputs=None if outputs is None else check_names("--outputs", outputs, "outputs"),
-            others=others,
-        ),
-        domain=DomainSettings(**domain),
+        given=convention.given(spec),
+        domain=domain.settings(),
         correct=correct,
         alpha=alpha,
         cases=cases,

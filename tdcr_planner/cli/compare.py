@@ -9,6 +9,7 @@ import tyro
 
 if TYPE_CHECKING:
     from tdcr_planner.compare.comparison import Comparison
+    from tdcr_planner.planning.scenario import Scenario
 
 
 def compare(
@@ -32,7 +33,8 @@ def compare(
     Args:
         scenario: Scenario file; it must name a shape model where a model needs one.
         out: Folder for the result.
-        models: Shape models by name; without it the learned one, constant curvature and the scenario's own.
+        models: Shape models by name; without it the learned one, constant curvature and the scenario's own. Or model
+            files (.pt), which are set side by side with constant curvature and the reference: one table, one plot.
         samples: Number of states, uniform in the scenario's configuration space.
         paths: Queries to plan with each model; 0 for none.
         seed: Seed of the states.
@@ -62,6 +64,8 @@ def compare(
         samples * query.robot.disk_count * SHAPE_BYTES,
     )
     check_folder(out)
+    if any(name.endswith(".pt") for name in models):
+        return _compare_files(query, [Path(name) for name in models], out, samples, paths, seed, progress)
     with CountBar("comparing", shown=progress) as bar:
         found = compare_scenario(
             query,
@@ -78,6 +82,29 @@ def compare(
     drawn = draw_after("the comparison", lambda: draw_comparison(found, out))
     if drawn:
         print(f"pictures:  {len(drawn)} plots and pictures beside them")
+    return 0
+
+
+def _compare_files(
+    query: Scenario, files: list[Path], out: Path, samples: int, paths: int, seed: int, progress: bool
+) -> int:
+    from tdcr_planner.cli.pictures import draw_after
+    from tdcr_planner.cli.progress import CountBar
+    from tdcr_planner.compare.side_by_side import compare_files
+    from tdcr_planner.report.side_by_side import PLOT, describe_models, draw_error_against_time, write_models
+
+    with CountBar("comparing", shown=progress) as bar:
+        found = compare_files(query, files, samples=samples, paths=paths, seed=seed, progress=bar.update)
+    write_models(found, out)
+    print(describe_models(found))
+    points = [(row.name, row.shape_us, 1e3 * row.error_m[0], 1e3 * row.error_m[1]) for row in found.rows]
+
+    def draw() -> list[str]:
+        draw_error_against_time(points, out / PLOT)
+        return [PLOT]
+
+    drawn = draw_after("the comparison", draw)
+    print(f"files:     {out}/{' '.join(['compare.json', 'compare.md', *drawn])}")
     return 0
 
 

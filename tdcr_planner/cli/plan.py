@@ -20,8 +20,6 @@ def plan(
     planner: str | None = None,
     validity: str | None = None,
     shape_engine: Literal["compiled", "torchscript", "onnx"] | None = None,
-    shape_device: Literal["cpu", "cuda"] | None = None,
-    error_bound: Literal["state", "uniform"] | None = None,
     time_limit_s: float | None = None,
     roadmap: Path | None = None,
     progress: bool = True,
@@ -43,8 +41,6 @@ def plan(
         validity: Shape model that the search asks, in place of the scenario's: learned, reference,
             constant_curvature or one of an installed package.
         shape_engine: What evaluates the model file, in place of the scenario's.
-        shape_device: Where torchscript evaluates it, in place of the scenario's.
-        error_bound: Whether the model's error bound follows the state, in place of the scenario's.
         time_limit_s: Time for search, verification and repair in seconds, in place of the scenario's.
         roadmap: Roadmap of the scene that `tdcr roadmap` wrote, asked before the planner.
         progress: Draw a progress bar while planning.
@@ -62,8 +58,6 @@ def plan(
         "name": planner,
         "validity": validity,
         "shape_engine": shape_engine,
-        "shape_device": shape_device,
-        "error_bound": error_bound,
         "time_limit_s": time_limit_s,
     }
     changes = {key: value for key, value in given.items() if value is not None}

@@ -12,7 +12,6 @@ import numpy as np
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.compare.verdicts import MODELS
 from tdcr_planner.planning.scenario import Validity
-from tdcr_planner.planning.validity import ValidityChecker, planning_margins
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.shape.reference import ReferenceShape
 
@@ -41,11 +40,7 @@ def measure_times(
 ) -> tuple[CheckTime, ...]:
     """Returns the time a verdict takes with each shape model and the reference, all rows (n, dimension) in one call."""
     timed = tuple(dict.fromkeys((*models, ReferenceShape.name)))
-    checkers = {}
-    for name in timed:
-        model = session.model(name)
-        scene = session.scene.with_margins(planning_margins(session.scenario, model))
-        checkers[name] = ValidityChecker(session.space, model, scene)
+    checkers = {name: session.checker(session.scenario.with_planner(validity=name)) for name in timed}
     spent: dict[tuple[Validity, str], list[float]] = {}
     for _ in range(_ROUNDS):
         for name, checker in checkers.items():

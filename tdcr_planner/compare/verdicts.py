@@ -171,15 +171,19 @@ def judge(session: PlanningSession, rows: FloatArray, models: tuple[Validity, ..
     deviation = np.full((len(rows), len(models)), np.nan)
     for column, name in enumerate(models):
         model = session.model(name)
-        checker = ValidityChecker(session.space, model, session.scene)
+        checker = session.checker(session.scenario.with_planner(validity=name))
         shapes = checker.shapes(rows)
         both = (shapes.codes == 0) & solved
         apart = np.linalg.norm(shapes.positions[both] - states.positions[both], axis=2)
         deviation[both, column] = apart.max(axis=1)
         for place, variant in enumerate(variants):
-            if variant.model == name:
-                own = Shapes(shapes.codes.copy(), shapes.positions, shapes.rotations)
+            if variant.model != name:
+                continue
+            own = Shapes(shapes.codes.copy(), shapes.positions, shapes.rotations, shapes.levels)
+            if variant.with_bound:
+                checker.collide(own)
+            else:
                 margins = variant.margins(session.scenario, model.error_bound)
                 ValidityChecker(session.space, model, session.scene.with_margins(margins)).collide(own)
-                codes[:, place] = own.codes
+            codes[:, place] = own.codes
     return Verdicts(rows, reference, np.where(solved, states.clearance, np.nan), codes, deviation, models)

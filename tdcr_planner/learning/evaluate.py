@@ -20,6 +20,7 @@ from tdcr_planner.learning.dataset import (
     solve_cases,
 )
 from tdcr_planner.learning.judge import body_errors, measure_accuracy, position_errors
+from tdcr_planner.learning.state_margin import Coverage, measure_coverage
 from tdcr_planner.se3 import rotation_distance
 from tdcr_planner.shape.card import Accuracy
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
@@ -52,7 +53,10 @@ class Evaluation:
     Attributes:
         accuracy: Errors on fresh cases of each sample.
         constant_curvature: Errors of the constant-curvature baseline on the same uniform cases.
-        coverage: Share of fresh cases of each sample inside the error bound at every disk.
+        coverage: Share of fresh cases of each sample inside the error bound at every disk: the one that the model
+            states, by state or uniform.
+        margin: The coverage of a bound that follows the state, with its deciles, of each sample; empty where the
+            uniform one serves.
         solved: The uniform cases.
         errors: Position errors on them, shape (n, d), m.
         angles: Rotation errors on them, shape (n, d), rad.
@@ -67,6 +71,7 @@ class Evaluation:
     accuracy: tuple[Accuracy, ...]
     constant_curvature: Accuracy
     coverage: dict[str, float]
+    margin: dict[str, Coverage]
     solved: SolvedCases
     errors: FloatArray
     angles: FloatArray
@@ -103,6 +108,7 @@ def evaluate_model(
 
     accuracy: list[Accuracy] = []
     coverage: dict[str, float] = {}
+    margin: dict[str, Coverage] = {}
     kinds: tuple[Sample, ...] = ("planner", "uniform")
     for index, sample in enumerate(kinds):
         generator = np.random.default_rng([seed, 1000 + index])
@@ -110,8 +116,14 @@ def evaluate_model(
         solved = solve_cases(robot, cases, threads=threads, progress=progress, stage=f"{sample} cases")
         accuracy.append(measure_accuracy(predict, sample, solved))
         positions, rotations, _ = predict(solved.cases)
-        inside = body_errors(robot, positions, rotations, solved) <= model.error_bound
-        coverage[sample] = float(inside.all(axis=1).mean())
+        own = body_errors(robot, positions, rotations, solved)
+        asked = solved.cases
+        poses, bounds = model.poses_and_bounds(asked.tensions, asked.gravity, asked.tip_force)
+        # A state that the model does not answer for has no bound.
+        covered = measure_coverage(own[poses.solved], bounds[poses.solved] if bounds.ndim > 1 else bounds)
+        coverage[sample] = covered.overall
+        if model.bound_follows_state:
+            margin[sample] = covered
     baseline = ConstantCurvatureShape(robot)
 
     def predict_arcs(cases: Cases) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -124,6 +136,7 @@ def evaluate_model(
         accuracy=tuple(accuracy),
         constant_curvature=measure_accuracy(predict_arcs, "uniform", solved),
         coverage=coverage,
+        margin=margin,
         solved=solved,
         errors=errors,
         angles=rotation_distance(rotations, solved.rotations),

@@ -27,3 +27,5 @@ def test_an_example_runs_as_it_stands(
     if file.stem == "05_wrong_model":
         assert "learned: verified" in shown
         assert "constant_curvature: unverified" in shown
+    if file.stem == "07_own_network":
+        assert "\nverified: " in shown

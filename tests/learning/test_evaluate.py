@@ -118,7 +118,7 @@ def test_train_command_names_a_bad_config(files):
 
 def test_evaluate_command_writes_tables_and_plots(small_model, tmp_path, capsys):
     out = tmp_path / "report"
-    assert evaluate(small_model.path, samples=60, out=out) == 0
+    assert evaluate((small_model.path,), samples=60, out=out) == 0
     text = capsys.readouterr().out
     assert "constant curvature" in text
     assert {path.name for path in out.iterdir()} == {
@@ -137,7 +137,7 @@ def test_evaluate_command_says_when_the_bound_does_not_hold(small_model, tmp_pat
     monkeypatch.setattr(
         "tdcr_planner.shape.learned.LearnedShape.__init__", with_a_tenth_of_the_bound(type(small_model).__init__)
     )
-    assert evaluate(small_model.path, samples=200) == 1
+    assert evaluate((small_model.path,), samples=200) == 1
 
 
 def with_a_tenth_of_the_bound(build):
