@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from tdcr_planner.arrays import FloatArray
+from tdcr_planner.collision.connected import connected_parts
 from tdcr_planner.collision.meshes import SceneMesh, format_point
 from tdcr_planner.collision.topology import signed_volumes
 
@@ -57,8 +56,7 @@ def _has_passage(mesh: SceneMesh) -> bool:
     """Returns whether a closed mesh has handles, as a pipe's wall has: its Euler number tells."""
     edges = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
     count = len(mesh.vertices)
-    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    pieces = connected_components(graph, directed=False)[0]
+    pieces, _ = connected_parts(count, edges)
     return count - len(np.unique(edges, axis=0)) + len(mesh.faces) < 2 * pieces
 
 

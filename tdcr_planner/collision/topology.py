@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
+from tdcr_planner.collision.connected import connected_parts
 from tdcr_planner.collision.nesting import enclosing_boxes
 from tdcr_planner.compiled import njit
 
@@ -17,6 +15,8 @@ from tdcr_planner.compiled import njit
 MERGE_SHARE = 2e-7
 # No farther than this, m: a crumb far away must not make a fine mesh collapse. Contacts are decided to 1 um as well.
 MERGE_LIMIT = 1e-6
+# A direction along which the vertices of few meshes coincide, unit.
+_OBLIQUE = np.sqrt([0.375, 0.2857142857142857, 0.3392857142857143])
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,9 @@ def clean_mesh(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntAr
     faces = inverse.reshape(-1)[faces.reshape(-1, 3)]
     diagonal = float(np.linalg.norm(np.ptp(unique, axis=0))) if len(unique) else 0.0
     distance = min(MERGE_SHARE * diagonal, MERGE_LIMIT)
-    pairs = cKDTree(unique).query_pairs(distance, output_type="ndarray") if len(unique) else np.empty((0, 2))
+    pairs = _near_pairs(unique, distance)
     if len(pairs):
-        graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(unique), len(unique)))
-        group = connected_components(graph, directed=False)[1]
+        _, group = connected_parts(len(unique), pairs)
         faces = group[faces]
         _, representative = np.unique(group, return_index=True)
         unique = unique[representative]
@@ -70,6 +69,22 @@ def clean_mesh(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntAr
     faces = faces[np.sort(kept)]
     used, compact = np.unique(faces, return_inverse=True)
     return np.ascontiguousarray(unique[used]), np.ascontiguousarray(compact.reshape(-1, 3), dtype=np.int64)
+
+
+def _near_pairs(points: FloatArray, distance: float) -> IntArray:
+    """Returns the pairs of points, shape (v, 3), that are no farther apart than a distance, m, shape (p, 2)."""
+    along = points @ _OBLIQUE
+    order = np.argsort(along)
+    steps = np.diff(along[order])
+    rounding = 8.0 * np.finfo(np.float64).eps * np.abs(along).max(initial=0.0)
+    close = np.flatnonzero(steps <= distance + rounding)
+    if (np.diff(close) == 1).any():
+        # More than two points in a row: a tree tells which of them are near. Few meshes need it and its slow import.
+        from scipy.spatial import cKDTree
+
+        return np.asarray(cKDTree(points).query_pairs(distance, output_type="ndarray"), dtype=np.int64)
+    pairs = np.stack([order[close], order[close + 1]], axis=1)
+    return pairs[np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1) <= distance]
 
 
 @dataclass(frozen=True)
@@ -99,13 +114,12 @@ def analyse(vertices: FloatArray, faces: IntArray) -> Surface:
     """
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     owner = np.tile(np.arange(len(faces)), 3)
-    _, edge, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    edge = edge.reshape(-1)
+    numbers = directed.min(axis=1) * len(vertices) + directed.max(axis=1)
+    _, edge, count = np.unique(numbers, return_inverse=True, return_counts=True)
     order = np.argsort(edge, kind="stable")
     start = np.concatenate([[0], np.cumsum(count)])
     first, later = order[start[:-1]][edge], np.arange(len(edge))
-    graph = coo_matrix((np.ones(len(edge)), (owner[first], owner[later])), shape=(len(faces), len(faces)))
-    pieces, piece = connected_components(graph, directed=False)
+    pieces, piece = connected_parts(len(faces), np.stack([owner[first], owner[later]], axis=1))
     twice = np.flatnonzero(count == 2)
     pair = np.stack([order[start[twice]], order[start[twice] + 1]], axis=1)
     same_way = directed[pair[:, 0], 0] == directed[pair[:, 1], 0]
@@ -185,8 +199,7 @@ def _loops(
         return ()
     used, compact = np.unique(edges, return_inverse=True)
     compact = compact.reshape(-1, 2)
-    graph = coo_matrix((np.ones(len(edges)), (compact[:, 0], compact[:, 1])), shape=(len(used), len(used)))
-    count, of_vertex = connected_components(graph, directed=False)
+    count, of_vertex = connected_parts(len(used), compact)
     # A vertex's edges all belong to one loop, so each vertex of a rim does, too.
     order = np.argsort(of_vertex[compact[:, 0]], kind="stable")
     edges, beside, label = edges[order], beside[order], of_vertex[compact[:, 0]][order]

@@ -10,9 +10,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from tdcr_planner.array_schema import ArraySchema, ArraySpec, read_arrays
 from tdcr_planner.arrays import FloatArray, IntArray
@@ -116,6 +113,8 @@ class Roadmap:
     @cached_property
     def components(self) -> IntArray:
         """Number of the connected part that each vertex belongs to, shape (n,)."""
+        from scipy.sparse.csgraph import connected_components
+
         return np.asarray(connected_components(self.graph, directed=False)[1], dtype=np.int64)
 
     @property
@@ -136,6 +135,8 @@ class Roadmap:
 
     @cached_property
     def _tree(self) -> Any:
+        from scipy.spatial import cKDTree
+
         return cKDTree(self.rows * self.motion_scale)
 
     @cached_property
@@ -146,6 +147,8 @@ class Roadmap:
         both = np.concatenate([first, second]), np.concatenate([second, first])
         # A length of 0 would be no edge.
         lengths = np.tile(np.maximum(lengths, 1e-12), 2)
+        from scipy.sparse import csr_array
+
         return csr_array((lengths, both), shape=(len(self.rows), len(self.rows)))
 
     def save(self, path: str | Path) -> Path:

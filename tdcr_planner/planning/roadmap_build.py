@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.errors import InputError
@@ -205,6 +204,8 @@ class RoadmapBuilder:
 
     def _add(self, rows: FloatArray, deadline: float = math.inf) -> None:
         """Adds valid configurations as vertices and joins them to their nearest."""
+        from scipy.spatial import cKDTree
+
         if not len(rows):
             return
         before = self.vertices

@@ -9,8 +9,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.planning.edges import EdgeChecker
@@ -67,6 +65,8 @@ class _Way:
 
     def find(self, start: FloatArray, goals: Sequence[FloatArray]) -> FloatArray | None:
         """Returns the waypoints of the shortest way that is found valid, or None."""
+        from scipy.sparse.csgraph import dijkstra
+
         links = self._links(start)
         if not goals:
             return None
@@ -113,6 +113,8 @@ class _Way:
             np.concatenate([graph.indices, np.array(links, dtype=graph.indices.dtype)]),
             np.append(graph.indptr, graph.indptr[-1] + len(links)),
         )
+        from scipy.sparse import csr_array
+
         return csr_array(parts, shape=(self._home + 1, self._home + 1))
 
     def _nearest_goal(

@@ -57,9 +57,10 @@ def _opening_radius(mesh: DisplayMesh, point: FloatArray, normal: FloatArray, ot
 
 def _open_border(faces: IntArray) -> IntArray:
     """Returns the vertices of edges that one face alone has."""
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    unique, counts = np.unique(edges, axis=0, return_counts=True)
-    return np.unique(unique[counts == 1])
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    count = int(faces.max(initial=0)) + 1
+    numbers, counts = np.unique(edges.min(axis=1) * count + edges.max(axis=1), return_counts=True)
+    return np.unique(np.stack(np.divmod(numbers[counts == 1], count)))
 
 
 def base_axes(picture: Picture) -> tuple[FloatArray, FloatArray]:

@@ -6,9 +6,10 @@ import time
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from tdcr_planner.collision.meshes import SceneMesh
-from tdcr_planner.collision.topology import MERGE_LIMIT, analyse, clean_mesh
+from tdcr_planner.collision.topology import MERGE_LIMIT, _near_pairs, analyse, clean_mesh
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
 OUTWARD = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -76,3 +77,17 @@ def test_the_time_for_many_pieces_grows_in_proportion(faces):
     seconds(100)  # compiles
     # Twelve times the pieces; quadratic work would take 144 times as long.
     assert seconds(12_000) < 40.0 * max(seconds(1_000), 0.02)
+
+
+def test_near_vertices_are_those_of_a_tree_of_points():
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-0.1, 0.1, (2000, 3))
+    distance = 1e-6
+    # twins within the distance and just beyond it, and in one case three points in a row
+    shift = rng.normal(size=(60, 3))
+    shift *= np.linspace(0.5, 1.5, 60)[:, None] * distance / np.linalg.norm(shift, axis=1, keepdims=True)
+    for extra in (points[:60] + shift, np.concatenate([points[:60] + shift, points[:1] - shift[:1]])):
+        cloud = np.concatenate([points, extra])
+        expected = cKDTree(cloud).query_pairs(distance)
+        assert len(expected) >= 30
+        assert {tuple(sorted(pair)) for pair in _near_pairs(cloud, distance).tolist()} == expected
