@@ -136,6 +136,7 @@ class TipGoal:
         self.rows: list[FloatArray] = []
         self.reached = 0
         self.nearest: tuple[FloatArray, FloatArray] = (np.full(3, np.inf), np.full(3, np.nan))
+        self._nearest_row: FloatArray | None = None
         self._blocked: FloatArray | None = None
         self._room: RoomSearch | None = None
         if offers_room(checker):
@@ -167,6 +168,7 @@ class TipGoal:
         nearest = int(np.argmin(size))
         if size[nearest] < np.linalg.norm(self.nearest[0]):
             self.nearest = (residual[nearest], tips[nearest])
+            self._nearest_row = rows[nearest]
         within = self._within(residual, self._share)
         if not (self.reached or within.any()):
             # What the model errs by is kept back from the tolerance only where something is left of it.
@@ -206,7 +208,18 @@ class TipGoal:
             + ("" if self._view is None else " looking that way")
             + f"; the nearest that can be reached, collisions aside, is ({place}) m, {distance:.4f} m away"
             + ("" if self._view is None else f", looking {angle:.1f} degrees off")
+            + self._insertion_spent()
         )
+
+    def _insertion_spent(self) -> str:
+        """Returns that the nearest configuration is inserted as far as the base allows, as the end of a sentence."""
+        space = self._checker.space
+        if self._nearest_row is None or not space.has_insertion:
+            return ""
+        inserted, most = self._nearest_row[space.bending_count], space.upper[space.bending_count]
+        if inserted < most - 1e-6:
+            return ""
+        return f", with the base at the end of its insertion of {most:g} m"
 
     def obstruction(self) -> str:
         """Returns what is in the way of the roomiest configuration that reaches the goal, and how many were tried."""

@@ -82,6 +82,7 @@ def test_a_goal_out_of_reach_names_the_nearest_place(make_setup):
     # Straight up the tip ends at length plus insertion, 0.3 m (0.2 m of rod and 0.1 m of travel).
     assert "nearest that can be reached" in goal.unreachable()
     np.testing.assert_allclose(goal.nearest[1], [0.0, 0.0, 0.3], atol=1e-3)
+    assert goal.unreachable().endswith("with the base at the end of its insertion of 0.1 m")
     assert goal.rows == []
 
 
