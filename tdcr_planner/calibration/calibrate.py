@@ -7,19 +7,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.calibration import checks
 from tdcr_planner.calibration.bench import Bench, check_calibratable
 from tdcr_planner.calibration.bound import LEVEL, bound_per_disk
 from tdcr_planner.calibration.comparison import align_base, constant_curvature_shapes
 from tdcr_planner.calibration.data import MeasuredStates
 from tdcr_planner.calibration.fit import Fit, fit_bench
-from tdcr_planner.calibration.forward import Forward, Mechanics, UnloadedMechanics, place_points
+from tdcr_planner.calibration.fit import Progress as FitProgress
+from tdcr_planner.calibration.forward import Forward, UnloadedMechanics, place_points
 from tdcr_planner.calibration.holdout import FOLDS, blocks_in_time
-from tdcr_planner.calibration.parameters import check_names, make_blocks
+from tdcr_planner.calibration.mapping import fit_reference
+from tdcr_planner.calibration.parameters import Block, check_names, make_blocks
+from tdcr_planner.calibration.reference import ReferenceMechanics
 from tdcr_planner.calibration.selection import Selection, check_separable, select_names
 from tdcr_planner.calibration.uncertainty import Uncertainty, assess_uncertainty
-from tdcr_planner.errors import FormatError
+from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.files import sha256_of_file
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.robot.measured import BenchTable, MeasuredError
@@ -70,7 +73,7 @@ def calibrate(
     names: Sequence[str] | None = None,
     *,
     marker: FloatArray | None = None,
-    mechanics: Mechanics | None = None,
+    use_reference: bool = True,
     folds: int = FOLDS,
     progress: Progress = lambda *_: None,
 ) -> Calibration:
@@ -81,7 +84,7 @@ def calibrate(
         states: What was measured of it.
         names: What to fit, see `parameters.DESCRIPTIONS`; None for what the measurements can determine.
         marker: Place of the marker in the last disk's frame, shape (3,), m; None for its centre.
-        mechanics: What solves the shapes; None for what suits the states.
+        use_reference: Whether the reference predicts; else arcs do, which know no loads.
         folds: Stretches of time, each of which is held out once.
         progress: Called with a stage, the steps that are done, their number, and a message.
 
@@ -95,38 +98,39 @@ def calibrate(
         raise FormatError(states.path, f"expected {LEAST_STATES} states or more, got {len(states)}")
     bench = Bench.nominal(robot, marker)
     check_names(bench, names or ())
-    forward = Forward(states, mechanics or UnloadedMechanics())
+    predictor = _Predictor(states, use_reference=use_reference)
     everything = np.ones(len(states), dtype=np.bool_)
-    start = _place_if_far(forward, bench, names)
+    start = _place_if_far(predictor.final, bench, names)
     progress("selecting parameters", 0, 1, "")
-    selection = select_names(forward, start, everything) if names is None else Selection(tuple(names), ())
+    selection = select_names(predictor.fitted, start, everything) if names is None else Selection(tuple(names), ())
     blocks = make_blocks(start, selection.names, float(states.times[-1]))
     if names is not None:
-        check_separable(forward, start, blocks, everything)
+        check_separable(predictor.fitted, start, blocks, everything)
     if "friction" in selection.names and states.timed:
         checks.check_gaps(states.table, states.times)
     progress("fitting", 0, 1, ", ".join(selection.names))
-    fit = fit_bench(forward, start, blocks, everything, progress=lambda text: progress("fitting", 0, 1, text))
+    fit = predictor.fit(start, blocks, everything, progress=lambda text: progress("fitting", 0, 1, text))
+    forward = predictor.final
     fitted = forward.points(fit.bench) - states.positions
     _check_explained(states, fitted)
     fold = blocks_in_time(states, folds)
     held_out = {model: np.full_like(states.positions, np.nan) for model in MODELS}
+    uncalibrated = {
+        "uncalibrated": forward.shapes(start, keep=False),
+        "constant curvature": constant_curvature_shapes(start, states),
+    }
     for index in range(int(fold.max()) + 1):
         progress("holding out stretches", index, int(fold.max()) + 1, "")
         rest, here = fold != index, fold == index
-        part = fit_bench(forward, start, blocks, rest, start=fit.numbers)
-        held_out["calibrated"][here] = (forward.points(part.bench) - states.positions)[here]
-        nominal = forward.shapes(start, keep=False)
-        for model, shapes in (
-            ("uncalibrated", nominal),
-            ("constant curvature", constant_curvature_shapes(start, states)),
-        ):
+        part = predictor.fit(start, blocks, rest, near=fit.numbers)
+        held_out["calibrated"][here] = (forward.points(part.bench, keep=False) - states.positions)[here]
+        for model, shapes in uncalibrated.items():
             placed = align_base(start, states, shapes, rest) if "base" in selection.names else start
             held_out[model][here] = (place_points(placed, states, shapes) - states.positions)[here]
     errors = np.linalg.norm(held_out["calibrated"], axis=2)
     measured = MeasuredError(
         level=LEVEL,
-        disks_m=tuple(float(value) for value in bound_per_disk(forward, fit.bench, errors)),
+        disks_m=tuple(float(value) for value in bound_per_disk(predictor.fitted, fit.bench, errors)),
         states=int(np.isfinite(errors).any(axis=1).sum()),
     )
     return Calibration(
@@ -140,6 +144,39 @@ def calibrate(
         held_out=held_out,
         fitted=fitted,
     )
+
+
+class _Predictor:
+    """What predicts the states, and how it is fitted.
+
+    Without loads the reference is fitted by way of the arcs, see `mapping`; under loads by itself.
+
+    Attributes:
+        fitted: What the numbers are fitted with.
+        final: What predicts once they are found.
+    """
+
+    def __init__(self, states: MeasuredStates, *, use_reference: bool) -> None:
+        reference = Forward(states, ReferenceMechanics()) if use_reference else None
+        loaded = bool(states.gravity.any() or states.tip_force.any())
+        if reference is None and loaded:
+            raise InputError("use_reference", "true for states under gravity or a tip force", False)
+        self.fitted = reference if reference is not None and loaded else Forward(states, UnloadedMechanics())
+        self.final = self.fitted if reference is None else reference
+
+    def fit(
+        self,
+        bench: Bench,
+        blocks: tuple[Block, ...],
+        chosen: BoolArray,
+        *,
+        near: FloatArray | None = None,
+        progress: FitProgress = lambda _: None,
+    ) -> Fit:
+        """Returns a fit; near known numbers it takes the correction that holds there."""
+        if self.fitted is self.final or near is not None:
+            return fit_bench(self.fitted, bench, blocks, chosen, start=near, progress=progress)
+        return fit_reference(self.fitted, self.final, bench, blocks, chosen, progress=progress)
 
 
 FAR_ROTATION = np.deg2rad(20.0)

@@ -73,11 +73,13 @@ class Forward:
     Attributes:
         states: The measured states.
         mechanics: What solves their shapes.
+        correction: Added to the points, shape (n, k, 3), m: by how much other mechanics differ; see `mapping`.
     """
 
     def __init__(self, states: MeasuredStates, mechanics: Mechanics) -> None:
         self.states = states
         self.mechanics = mechanics
+        self.correction: FloatArray = np.zeros((1, 1, 3))
         self._start: FloatArray | None = None
         self._known: tuple[tuple[RobotSpec, bytes], Shapes] | None = None
 
@@ -100,7 +102,7 @@ class Forward:
 
     def points(self, bench: Bench, *, keep: bool = True) -> FloatArray:
         """Returns the tracked points in the frame of the measurements, shape (n, k, 3), m."""
-        return place_points(bench, self.states, self.shapes(bench, keep=keep))
+        return place_points(bench, self.states, self.shapes(bench, keep=keep)) + self.correction
 
 
 def place_points(bench: Bench, states: MeasuredStates, shapes: Shapes) -> FloatArray:

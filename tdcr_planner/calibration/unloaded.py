@@ -23,6 +23,7 @@ class ArcShapes:
     Attributes:
         bends: Bend towards x and y of the segment's frame (1/m) and stretch of each segment, shape (n, 3 m).
         tensions: Tension of each tendon at the base, shape (n, t), N.
+        changes: Length of each tendon along the robot less that along the straight one, shape (n, t), m.
         solved: Whether each state has an equilibrium that was found, shape (n,).
         positions: Disk centres, shape (n, d, 3), m, base frame.
         rotations: base_from_disk, shape (n, d, 3, 3).
@@ -30,6 +31,7 @@ class ArcShapes:
 
     bends: FloatArray
     tensions: FloatArray
+    changes: FloatArray
     solved: BoolArray
     positions: FloatArray
     rotations: FloatArray
@@ -90,7 +92,7 @@ def solve_arcs(
         arc_arrays(robot), displacements, tensions, start is not None, bends, at_base, changes, solved
     )
     positions, rotations = poses_of_arcs(robot, bends)
-    return ArcShapes(bends, at_base, solved > 0.5, positions, rotations)
+    return ArcShapes(bends, at_base, changes, solved > 0.5, positions, rotations)
 
 
 def poses_of_arcs(robot: RobotSpec, bends: FloatArray) -> tuple[FloatArray, FloatArray]:
