@@ -27,6 +27,7 @@ from tdcr_planner.statics.tension import TendonTension, rubbing_tension
 NEWTON_LIMIT = 40
 SLIDE_TOLERANCE = 1e-10
 """Largest relative change of a tension from one iteration to the next in a solved state."""
+SHORTEST_STEP = 0.1
 GIVEN_UP = 1e3
 """Growth of the correction at which the iteration is given up."""
 
@@ -122,10 +123,13 @@ def friction_newton(
     found, change = np.empty(total), np.zeros(total)
     unknowns = 3 + (total if displaced else 0)
     step, last_step, x, last_x = np.empty(unknowns), np.empty(unknowns), np.empty(unknowns), np.empty(unknowns)
+    taken = np.zeros(unknowns)
     moment_scale = rod.stiffness[rod.step_lengths.shape[0] - 1, 1, 3] / rod.length[0]
     scale = np.full(unknowns, 1.0 / moment_scale)
     scale[3:] = 0.02 * rod.length[0] / moment_scale
-    made, smallest = 0, np.inf
+    made, smallest, merit, reach = 0, np.inf, np.inf, 1.0
+    # What slides is not known before the first step, and a tendon taken to stick would be pulled far too much.
+    state.tension.loose[0] = True
     while True:
         state.tension.base[:] = state.tensions
         ok, modes = integrate(
@@ -136,6 +140,7 @@ def friction_newton(
         if not ok:
             return False, np.inf, made, False
         turned = state.tension.running[2].max()
+        state.tension.loose[0] = False
         for j in range(3):
             room.end[j] -= loads.tip_moment[j]
         residual = np.sqrt(room.end[0] ** 2 + room.end[1] ** 2 + room.end[2] ** 2)
@@ -152,6 +157,22 @@ def friction_newton(
             break
         if made > NEWTON_LIMIT:
             return False, residual, made, False
+        left = (residual / moment_scale) ** 2
+        if displaced:
+            for i in range(total):
+                left += (max(room.gaps[i], -state.tensions[i] * room.compliance[i, i]) / (0.02 * rod.length[0])) ** 2
+        left = np.sqrt(left)
+        if made > 1 and left > merit and reach > SHORTEST_STEP:
+            reach *= 0.5
+            for i in range(unknowns):
+                moved = x[i] + reach * taken[i]
+                if i < 3:
+                    state.base_moment[i] = moved
+                else:
+                    state.tensions[i - 3] = max(0.0, moved)
+            continue
+        mixes = made > 1 and reach == 1.0
+        merit, reach = left, 1.0
         if displaced:
             if not solve_complementary(room.compliance, room.right, room.active, room.work, found):
                 return False, residual, made, False
@@ -174,7 +195,7 @@ def friction_newton(
         if not size <= GIVEN_UP * smallest:
             return False, residual, made, False
         mixed = 0.0
-        if made > 1:
+        if mixes:
             top = bottom = 0.0
             for i in range(unknowns):
                 difference = (step[i] - last_step[i]) * scale[i]
@@ -184,13 +205,15 @@ def friction_newton(
                 mixed = min(1.0, max(-1.0, top / bottom))
         for i in range(unknowns):
             moved = x[i] + step[i]
-            if made > 1:
+            if mixes:
                 moved -= mixed * (x[i] + step[i] - last_x[i] - last_step[i])
             last_x[i], last_step[i] = x[i], step[i]
             if i < 3:
                 state.base_moment[i] = moved
             else:
-                state.tensions[i] = max(0.0, moved) if found[i - 3] > 0.0 else 0.0
+                moved = max(0.0, moved) if found[i - 3] > 0.0 else 0.0
+                state.tensions[i - 3] = moved
+            taken[i] = moved - x[i]
     stable = modes == 0
     if displaced and not stable:
         stable = modes == negative_pivots(room.compliance, room.active, room.work)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tdcr_planner.arrays import FloatArray, IntArray
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.compiled import njit
 from tdcr_planner.statics.chord import chord_path
 from tdcr_planner.statics.options import OPTIONS
@@ -31,6 +31,7 @@ class TendonTension(NamedTuple):
         tangents: Direction of each tendon at the stage points, body frame, shape (c, 3, t, 3).
         curvatures: u at the stage points, shape (c, 3, 3), 1/m.
         sheaths: Angle of each tendon's way from drive to base, shape (t,), rad.
+        loose: Whether the derivative takes tendons that stick for sliding ones, shape (1,).
         last: Step and column at which each tendon ran before, -1 for none, shape (2, t).
     """
 
@@ -44,6 +45,7 @@ class TendonTension(NamedTuple):
     tangents: FloatArray
     curvatures: FloatArray
     sheaths: FloatArray
+    loose: BoolArray
     last: IntArray
 
 
@@ -63,6 +65,7 @@ def frictionless_tension(rod: RodArrays) -> TendonTension:
         np.empty((0, 3, total, 3)),
         np.empty((0, 3, 3)),
         np.empty(0),
+        np.empty(0, dtype=np.bool_),
         np.empty((2, 0), dtype=np.int64),
     )
 
@@ -101,12 +104,12 @@ def rubbing_tension(rod: RodArrays, friction: FloatArray, sheath_angles: FloatAr
     return TendonTension(
         np.zeros(shape), np.ones(shape), np.zeros(total), np.zeros(shape), np.zeros(shape), np.zeros((3, total)),
         friction.copy(), np.zeros((steps, 3, total, 3)), np.zeros((steps, 3, 3)), sheath_angles,
-        np.empty((2, total), dtype=np.int64),
+        np.zeros(1, dtype=np.bool_), np.empty((2, total), dtype=np.int64),
     )  # fmt: skip
 
 
 @njit(**OPTIONS)
-def slid(value: float, gain: float, before: float, factor: float) -> tuple[float, float]:
+def slid(value: float, gain: float, before: float, factor: float, loose: bool) -> tuple[float, float]:
     """Returns the tension behind an angle, and its derivative by that at the base, from those before the angle.
 
     Over an angle a the tension can change by factors from exp(-mu a) to exp(mu a) (Euler and Eytelwein's capstan). A
@@ -118,12 +121,13 @@ def slid(value: float, gain: float, before: float, factor: float) -> tuple[float
         gain: Its derivative by that at the base.
         before: What the tendon had behind the angle, N.
         factor: exp(mu a).
+        loose: Whether the derivative is that of sliding where it sticks.
     """
     if before * factor <= value:
         return value / factor, gain / factor
     if before >= value * factor:
         return value * factor, gain * factor
-    return before, 0.0
+    return before, gain if loose else 0.0
 
 
 @njit(**OPTIONS)
@@ -142,7 +146,7 @@ def slide(rod: RodArrays, tension: TendonTension, c: int) -> None:
         value, gain, friction = tension.running[0, i], tension.running[1, i], tension.friction[i]
         for point in range(3):
             factor = np.exp(friction * tension.angles[c, point, column])
-            value, gain = slid(value, gain, tension.earlier[c, point, column], factor)
+            value, gain = slid(value, gain, tension.earlier[c, point, column], factor, tension.loose[0])
             tension.pulls[c, point, column], tension.weights[c, point, column] = value, gain
 
 
@@ -210,6 +214,7 @@ def turn(rod: RodArrays, tension: TendonTension, c: int) -> None:
             change = friction * abs(angle - tension.angles[c, point, column])
             tension.running[2, i] = max(tension.running[2, i], change)
             tension.angles[c, point, column] = angle
-            value, gain = slid(value, gain, tension.earlier[c, point, column], np.exp(friction * angle))
+            factor = np.exp(friction * angle)
+            value, gain = slid(value, gain, tension.earlier[c, point, column], factor, tension.loose[0])
         tension.running[0, i], tension.running[1, i] = value, gain
         tension.last[0, i], tension.last[1, i] = c, column

@@ -18,7 +18,7 @@ DOUBLE = torch.float64
 
 
 class Chain:
-    """The chain of one robot; a rigid element keeps its rest strain by a stiffness a thousand times its own."""
+    """The chain of one robot; a rigid element keeps its rest strain by a stiffness a million times its own."""
 
     def __init__(self, robot: RobotSpec, elements: int) -> None:
         stops = np.unique(np.round(np.concatenate([robot.arc_lengths, robot.joins]), 12))
@@ -28,7 +28,7 @@ class Chain:
         tensor = lambda value: torch.as_tensor(np.asarray(value, dtype=np.float64))  # noqa: E731
         self.robot = robot
         self.lengths = tensor(np.diff(nodes))
-        self.stiffness = tensor(robot.stiffness_at(middles) * np.where(robot.rigid_at(middles), 1e3, 1.0)[:, None])
+        self.stiffness = tensor(robot.stiffness_at(middles) * np.where(robot.rigid_at(middles), 1e6, 1.0)[:, None])
         self.rest = tensor(robot.rest_strain_at(middles))
         self.line_mass = tensor(robot.mass_per_length_at(middles))
         self.disks = np.searchsorted(nodes, robot.arc_lengths - 1e-9)
