@@ -102,6 +102,7 @@ def test_a_rigid_segment_is_rigid_as_a_whole(plain, read):
         ),
         ({"rigid_stretches_m": [[0.0, 0.3]]}, "backbone.rigid_stretches_m: arc lengths must be at most"),
         ({"rigid_stretches_m": [[0.0, 0.2]]}, "segments: rigid all along: a robot needs a stretch that bends"),
+        ({"radius_m": 1e-100}, "radius_m = 1e-100 and inner_radius_m = 0 leave so thin a wall that a stiffness is 0"),
         ({"rest_curvature_1_m": [3000.0, 0.0, 0.0]}, "must be below 1 / radius_m = 2000, got 3000 1/m"),
     ],
 )

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import parse_table, sha256_of_json
 from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.plausibility import doubts
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
 
@@ -202,12 +203,7 @@ def test_any_values_are_a_robot_or_named_faults(changes: list[tuple[tuple[str | 
         "tip": {},
     }
     for place, value in changes:
-        target: Any = content
-        for step in place[:-1]:
-            target = target[step] if isinstance(target, dict) and step in target else target
-            target = target[step] if isinstance(step, int) and isinstance(target, list) else target
-        if isinstance(target, dict):
-            target[place[-1]] = value
+        _put(content, place, value)
     try:
         robot = parse_table(RobotSpec, content, "robot.toml")
     except FormatError:
@@ -215,7 +211,21 @@ def test_any_values_are_a_robot_or_named_faults(changes: list[tuple[tuple[str | 
     assert np.isfinite(robot.stiffness_at(robot.arc_lengths)).all()
     assert all(np.isfinite(tendon.offsets(robot.arc_lengths)).all() for tendon in robot.tendons)
     assert robot.mechanics_hash
+    assert all(isinstance(doubt, str) for doubt in doubts(robot))
     assert RobotSpec.model_validate(robot.model_dump()) == robot
+
+
+def _put(content: dict[str, Any], place: tuple[str | int, ...], value: Any) -> None:
+    """Puts a value at a place, unless an earlier change has taken that place away."""
+    target: Any = content
+    for step in place[:-1]:
+        inside = isinstance(target, dict) and step in target
+        inside = inside or (isinstance(target, list) and isinstance(step, int) and step < len(target))
+        if not inside:
+            return
+        target = target[step]
+    if isinstance(target, dict):
+        target[place[-1]] = value
 
 
 def _plain() -> dict[str, Any]:
