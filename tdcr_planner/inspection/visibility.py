@@ -62,7 +62,16 @@ class Visibility:
         self.tree = build_tree(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
         low, high = camera.range_m
         tangent_x, tangent_y = (float(value) for value in camera.tangents)
-        self.lens = Lens(tangent_x, tangent_y, camera.rectangular, low, high, camera.cosine_of_incidence)
+        self.lens = Lens(
+            camera.position,
+            np.ascontiguousarray(camera.axes),
+            tangent_x,
+            tangent_y,
+            camera.rectangular,
+            low,
+            high,
+            camera.cosine_of_incidence,
+        )
         self.order, self.clusters = make_clusters(targets)
         self._back = np.argsort(self.order)
         self._warm_up(body.robot.disk_count)
@@ -82,33 +91,20 @@ class Visibility:
                 nothing.
             rotations: world_from_disk, shape (n, d, 3, 3).
         """
-        seen = np.zeros((len(positions), len(self.order)), dtype=np.bool_)
-        nothing = np.empty((0, 0))
-        self._see(positions, rotations, seen, nothing, nothing, False)
-        return np.asarray(seen[:, self._back])
+        return self._see(positions, rotations, np.empty((0, 0, 2)))
 
     def views(self, positions: FloatArray, rotations: FloatArray) -> Views:
         """Returns which points states see and how; arguments as of `seen`."""
-        shape = len(positions), len(self.order)
-        seen, distances, cosines = np.zeros(shape, dtype=np.bool_), np.full(shape, np.nan), np.full(shape, np.nan)
-        self._see(positions, rotations, seen, distances, cosines, True)
-        return Views(seen[:, self._back], distances[:, self._back], cosines[:, self._back])
+        how = np.full((len(positions), len(self.order), 2), np.nan)
+        seen = self._see(positions, rotations, how)
+        return Views(seen, how[:, self._back, 0], how[:, self._back, 1])
 
-    def _see(
-        self,
-        positions: FloatArray,
-        rotations: FloatArray,
-        seen: BoolArray,
-        distances: FloatArray,
-        cosines: FloatArray,
-        measure: bool,
-    ) -> None:
+    def _see(self, positions: FloatArray, rotations: FloatArray, how: FloatArray) -> BoolArray:
+        """Returns what `seen` does and writes how, in the order of the groups; see `visibility_kernels.see`."""
+        seen = np.zeros((len(positions), len(self.order)), dtype=np.bool_)
         places, frames = np.ascontiguousarray(positions), np.ascontiguousarray(rotations)
-        centres, cameras = self.camera.poses(places, frames)
-        see(
-            self.lens, self.clusters, self.tree, self.body, places, frames, centres, cameras,
-            seen, distances, cosines, measure,
-        )  # fmt: skip
+        see(self.lens, self.clusters, self.tree, self.body, places, frames, seen, how)
+        return np.asarray(seen[:, self._back])
 
     def single_faults(self, positions: FloatArray, rotations: FloatArray, which: IntArray) -> IntArray:
         """Returns what alone keeps points from being seen in some of the states, as bits, shape (q,).
@@ -121,8 +117,8 @@ class Visibility:
             which: Numbers of the points, shape (q,).
         """
         found = np.zeros(len(which), dtype=np.int64)
-        centres, cameras = self.camera.poses(positions, rotations)
-        nearest_miss(self.lens, self.clusters, self.tree, centres, cameras, self._back[which], found)
+        places, frames = np.ascontiguousarray(positions), np.ascontiguousarray(rotations)
+        nearest_miss(self.lens, self.clusters, self.tree, places, frames, self._back[which], found)
         return found
 
 

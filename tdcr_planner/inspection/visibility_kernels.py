@@ -23,6 +23,8 @@ TOO_NEAR, TOO_FAR, OUTSIDE_PICTURE, GRAZING, OCCLUDED = 1, 2, 4, 8, 16
 class Lens(NamedTuple):
     """A camera for compiled code; see `camera.Camera`."""
 
+    position: FloatArray
+    axes: FloatArray
     tangent_x: float
     tangent_y: float
     rectangular: bool
@@ -106,8 +108,8 @@ def _crosses(triangle, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=False, nogil=True)
-def solid_hides(centre, axis, radius, half, round_ends, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
-    """Returns whether the segment from o to o + d meets a solid: a cylinder, or a capsule about its core.
+def solid_hides(centre, axis, radius, half, round_ends, start, way):  # type: ignore[no-untyped-def]
+    """Returns whether a segment meets a solid: a cylinder, or a capsule about its core.
 
     Args:
         centre: Shape (3,), m.
@@ -115,14 +117,11 @@ def solid_hides(centre, axis, radius, half, round_ends, ox, oy, oz, dx, dy, dz):
         radius: m.
         half: Half length of the cylinder, or of the capsule's core, m.
         round_ends: Whether it is a capsule.
-        ox: Start of the segment, m.
-        oy: Start of the segment, m.
-        oz: Start of the segment, m.
-        dx: The segment, m.
-        dy: The segment, m.
-        dz: The segment, m.
+        start: Where the segment starts, shape (3,), m.
+        way: From there to its end, shape (3,), m.
     """
-    sx, sy, sz = ox - centre[0], oy - centre[1], oz - centre[2]
+    dx, dy, dz = way[0], way[1], way[2]
+    sx, sy, sz = start[0] - centre[0], start[1] - centre[1], start[2] - centre[2]
     s, d = sx * axis[0] + sy * axis[1] + sz * axis[2], dx * axis[0] + dy * axis[1] + dz * axis[2]
     rx, ry, rz = sx - s * axis[0], sy - s * axis[1], sz - s * axis[2]
     ex, ey, ez = dx - d * axis[0], dy - d * axis[1], dz - d * axis[2]
@@ -223,9 +222,38 @@ def _faults(lens, clusters, p, frame, dx, dy, dz):  # type: ignore[no-untyped-de
     return faults, distance, cosine
 
 
+@njit(cache=False, nogil=True)
+def _place_camera(lens, position, rotation, centre, frame):  # type: ignore[no-untyped-def]
+    """Writes the camera's centre, shape (3,), and world_from_camera, shape (3, 3), for a pose of the last disk."""
+    for a in range(3):
+        centre[a] = position[a]
+        for b in range(3):
+            centre[a] += rotation[a, b] * lens.position[b]
+            frame[a, b] = 0.0
+            for c in range(3):
+                frame[a, b] += rotation[a, c] * lens.axes[c, b]
+
+
+@njit(cache=False, nogil=True)
+def _out_of_view(lens, clusters, group, centre, frame):  # type: ignore[no-untyped-def]
+    """Returns whether a group of points lies out of range or outside of the cone about the picture."""
+    limit = math.sqrt(lens.tangent_x**2 + lens.tangent_y**2) if lens.rectangular else lens.tangent_x
+    cosine = 1.0 / math.sqrt(1.0 + limit * limit)
+    radius = clusters.radii[group]
+    x = clusters.centres[group, 0] - centre[0]
+    y = clusters.centres[group, 1] - centre[1]
+    z = clusters.centres[group, 2] - centre[2]
+    square = x * x + y * y + z * z
+    if square > (lens.far + radius) ** 2:
+        return True
+    ahead = x * frame[0, 2] + y * frame[1, 2] + z * frame[2, 2]
+    aside = math.sqrt(max(0.0, square - ahead * ahead))
+    return aside * cosine - ahead * limit * cosine > radius or ahead < -radius
+
+
 @njit(cache=True, nogil=True)
-def see(lens, clusters, tree, body, positions, rotations, centres, frames, seen, distances, cosines, measure):  # type: ignore[no-untyped-def]
-    """Writes which points are seen from which states, and with `measure` distances and cosines of incidence.
+def see(lens, clusters, tree, body, positions, rotations, seen, how):  # type: ignore[no-untyped-def]
+    """Writes which points are seen from which states, and how where that is wanted.
 
     Args:
         lens: `Lens`.
@@ -234,41 +262,24 @@ def see(lens, clusters, tree, body, positions, rotations, centres, frames, seen,
         body: `BodyArrays`.
         positions: Disk centres, shape (n, d, 3), m, world frame.
         rotations: world_from_disk, shape (n, d, 3, 3).
-        centres: Camera centres, shape (n, 3), m.
-        frames: world_from_camera, shape (n, 3, 3).
         seen: Where to write, shape (n, p).
-        distances: Where to write the distance of a point that is seen, shape (n, p), m, or (0, 0).
-        cosines: The same for the cosine of incidence.
-        measure: Whether distances and cosines are wanted.
+        how: Where to write distance (m) and cosine of incidence of each point that is seen, shape (n, p, 2); shape
+            (0, 0, 2) where they are not wanted.
     """
-    total = len(body.kind)
+    total, last = len(body.kind), positions.shape[1] - 1
     solids, halves = np.empty(total, np.int64), np.empty(total)
     middles, axes = np.empty((total, 3)), np.empty((total, 3))
-    limit = math.sqrt(lens.tangent_x**2 + lens.tangent_y**2) if lens.rectangular else lens.tangent_x
-    cone_cosine = 1.0 / math.sqrt(1.0 + limit * limit)
-    cone_sine = limit * cone_cosine
-    for i in range(len(centres)):
-        centre, frame = centres[i], frames[i]
+    centre, frame, way = np.empty(3), np.empty((3, 3)), np.empty(3)
+    for i in range(len(positions)):
+        _place_camera(lens, positions[i, last], rotations[i, last], centre, frame)
         known = -1
         for g in range(len(clusters.radii)):
-            x, y, z = (
-                clusters.centres[g, 0] - centre[0],
-                clusters.centres[g, 1] - centre[1],
-                clusters.centres[g, 2] - centre[2],
-            )
-            square = x * x + y * y + z * z
-            if square > (lens.far + clusters.radii[g]) ** 2:
-                continue
-            ahead = x * frame[0, 2] + y * frame[1, 2] + z * frame[2, 2]
-            aside = math.sqrt(max(0.0, square - ahead * ahead))
-            if aside * cone_cosine - ahead * cone_sine > clusters.radii[g] or ahead < -clusters.radii[g]:
+            if _out_of_view(lens, clusters, g, centre, frame):
                 continue
             for p in range(clusters.first[g], clusters.first[g + 1]):
-                dx, dy, dz = (
-                    clusters.points[p, 0] - centre[0],
-                    clusters.points[p, 1] - centre[1],
-                    clusters.points[p, 2] - centre[2],
-                )
+                dx = clusters.points[p, 0] - centre[0]
+                dy = clusters.points[p, 1] - centre[1]
+                dz = clusters.points[p, 2] - centre[2]
                 faults, distance, cosine = _faults(lens, clusters, p, frame, dx, dy, dz)
                 if faults:
                     continue
@@ -277,35 +288,23 @@ def see(lens, clusters, tree, body, positions, rotations, centres, frames, seen,
                         lens, body, positions[i], rotations[i], centre, frame, solids, middles, axes, halves
                     )
                 share = max(0.0, 1.0 - SURFACE_M / distance)
-                ex, ey, ez = share * dx, share * dy, share * dz
+                way[0], way[1], way[2] = share * dx, share * dy, share * dz
                 hidden = False
                 for s in range(known):
                     solid = solids[s]
-                    if solid_hides(
-                        middles[s],
-                        axes[s],
-                        body.radius[solid],
-                        halves[s],
-                        body.round_ends[solid],
-                        centre[0],
-                        centre[1],
-                        centre[2],
-                        ex,
-                        ey,
-                        ez,
-                    ):
+                    ends = body.round_ends[solid]
+                    if solid_hides(middles[s], axes[s], body.radius[solid], halves[s], ends, centre, way):
                         hidden = True
                         break
-                if hidden or segment_hits(tree, centre[0], centre[1], centre[2], ex, ey, ez):
+                if hidden or segment_hits(tree, centre[0], centre[1], centre[2], way[0], way[1], way[2]):
                     continue
                 seen[i, p] = True
-                if measure:
-                    distances[i, p] = distance
-                    cosines[i, p] = cosine
+                if len(how):
+                    how[i, p, 0], how[i, p, 1] = distance, cosine
 
 
 @njit(cache=True, nogil=True)
-def nearest_miss(lens, clusters, tree, centres, frames, which, found):  # type: ignore[no-untyped-def]
+def nearest_miss(lens, clusters, tree, positions, rotations, which, found):  # type: ignore[no-untyped-def]
     """Adds to each point what single fault, or none, kept it from being seen in some state, as bits.
 
     Bit b of found[p] is set where a state misses the point for fault b alone; bit 5 where nothing but the robot, which
@@ -315,13 +314,15 @@ def nearest_miss(lens, clusters, tree, centres, frames, which, found):  # type: 
         lens: `Lens`.
         clusters: `Clusters`.
         tree: `TriangleTree` of everything that hides.
-        centres: Camera centres, shape (n, 3), m.
-        frames: world_from_camera, shape (n, 3, 3).
+        positions: Disk centres, shape (n, d, 3), m, world frame; the last disk's are used.
+        rotations: world_from_disk, shape (n, d, 3, 3).
         which: Numbers of the points, shape (q,).
         found: Where to add, shape (q,).
     """
-    for i in range(len(centres)):
-        centre, frame = centres[i], frames[i]
+    last = positions.shape[1] - 1
+    centre, frame = np.empty(3), np.empty((3, 3))
+    for i in range(len(positions)):
+        _place_camera(lens, positions[i, last], rotations[i, last], centre, frame)
         for q in range(len(which)):
             p = which[q]
             dx, dy, dz = (
