@@ -18,8 +18,8 @@ import numpy as np
 
 from tdcr_planner.inspection.reach import NAMES, Verdict, map_reach
 from tdcr_planner.planning.scenario import load_scenario
-from tdcr_planner.session import PlanningSession
-from tdcr_planner.solved_states import StateSolver
+from tdcr_planner.query.session import PlanningSession
+from tdcr_planner.query.solved_states import StateSolver
 
 SCENARIO = Path(__file__).resolve().parents[1] / "scenes/airway/inspect_bronchi.toml"
 WANTED_S = 30.0

@@ -11,6 +11,7 @@ from scipy.stats import binom
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.errors import InputError
 from tdcr_planner.inspection.inspect import Inspection, make_visibility
+from tdcr_planner.query.paths import path_rows
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.query.solved_states import StateSolver
 from tdcr_planner.rates import Rate, binomial_rate
@@ -92,7 +93,7 @@ def spread_coverage(
     tolerances = tolerances or Tolerances()
     session = PlanningSession(found.plan.scenario)
     visibility = make_visibility(session)
-    rows = session.rows(found.plan.path)
+    rows = path_rows(session.space, found.plan.path)
     seen = np.zeros((samples, len(visibility.targets)), dtype=np.bool_)
     for sample in range(samples):
         drawn = draw_robot(found.plan.scenario, tolerances, np.random.default_rng([seed, sample]))
