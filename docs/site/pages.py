@@ -76,17 +76,19 @@ def _has_public_names(path: Path) -> bool:
 
 def _commands_page() -> str:
     """The help text of every command, as `tdcr COMMAND --help` prints it."""
-    names = re.search(r"\{([\w,]+)\}", _help_text([]))
-    if names is None:
-        raise RuntimeError("`tdcr --help` lists no commands")
+    names = _output(f"from {PACKAGE}.cli.commands import COMMANDS; print(*COMMANDS)", []).split()
     parts = ["# Commands\n\nEvery command prints this text for `--help`.\n"]
-    parts += [f"## tdcr {name}\n\n```text\n{_help_text([name])}\n```\n" for name in names[1].split(",")]
+    parts += [f"## tdcr {name}\n\n```text\n{_help_text([name])}\n```\n" for name in names]
     return "\n".join(parts)
 
 
 def _help_text(arguments: list[str]) -> str:
+    text = _output(f"from {PACKAGE}.cli.main import main; main()", [*arguments, "--help"])
+    return "\n".join(part for line in text.splitlines() for part in textwrap.wrap(line, HELP_COLUMNS) or [""])
+
+
+def _output(code: str, arguments: list[str]) -> str:
+    """Returns what a process of its own prints: the site is built without this package's imports."""
     environment = {**os.environ, "COLUMNS": str(HELP_COLUMNS), "NO_COLOR": "1", "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-c", f"from {PACKAGE}.cli.main import main; main()", *arguments, "--help"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    lines = done.stdout.strip().splitlines()
-    return "\n".join(part for line in lines for part in textwrap.wrap(line, HELP_COLUMNS) or [""])
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,14 +13,16 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.bounds import PLACE_M
-from tdcr_planner.collision.clouds.obstacle import cloud_error, load_cloud, read_points
 from tdcr_planner.collision.mesh_files.registry import find_format, mesh_sha256
-from tdcr_planner.collision.meshes import SceneMesh, load_scene_mesh, read_triangles
 from tdcr_planner.collision.roles import MESH_ROLES
 from tdcr_planner.collision.volumes.cut import cut_surface
 from tdcr_planner.collision.volumes.formats import read_volume, read_volume_grid, volume_sha256
 from tdcr_planner.collision.volumes.surface import Region, region_surface
 from tdcr_planner.files import FileModel, NotNegative, Positive, Vector3, check_file, sha256_of_file
+
+# What loads surfaces imports numba: reading a scenario does not wait for it.
+if TYPE_CHECKING:
+    from tdcr_planner.collision.meshes import SceneMesh
 
 MOST_SHOWN_POINTS = 20_000
 """Of a cloud, in pictures."""
@@ -149,10 +151,14 @@ class MeshEntry(SurfaceEntry):
 
     def load(self, path: Path, name: str, point: ArrayLike | None, normal: ArrayLike | None) -> SceneMesh:
         """Returns the mesh in its role; see `SurfaceEntry.load`."""
+        from tdcr_planner.collision.meshes import load_scene_mesh
+
         return load_scene_mesh(path, self.unit, self.role, point, normal, name)
 
     def triangles(self, path: Path) -> tuple[FloatArray, IntArray]:
         """Returns the triangles of the file; see `SurfaceEntry.triangles`."""
+        from tdcr_planner.collision.meshes import read_triangles
+
         return read_triangles(path, self.unit)
 
     def describe(self) -> str:
@@ -215,6 +221,8 @@ class VolumeEntry(SurfaceEntry):
 
     def load(self, path: Path, name: str, point: ArrayLike | None, normal: ArrayLike | None) -> SceneMesh:
         """Returns the region's surface in its role; see `SurfaceEntry.load`."""
+        from tdcr_planner.collision.meshes import SceneMesh
+
         vertices, faces = self.triangles(path)
         return SceneMesh.from_arrays(name, vertices, faces, self.role, point, normal, source=path)
 
@@ -254,14 +262,20 @@ class CloudEntry(SurfaceEntry):
 
     def error(self, path: Path) -> float:  # noqa: ARG002
         """Returns the radius of the points, m."""
+        from tdcr_planner.collision.clouds.obstacle import cloud_error
+
         return cloud_error(self.point_radius_m)
 
     def load(self, path: Path, name: str, point: ArrayLike | None, normal: ArrayLike | None) -> SceneMesh:  # noqa: ARG002
         """Returns the cloud as an obstacle; see `SurfaceEntry.load`."""
+        from tdcr_planner.collision.clouds.obstacle import load_cloud
+
         return load_cloud(path, self.unit, self.point_radius_m, name)
 
     def triangles(self, path: Path) -> tuple[FloatArray, IntArray]:
         """Returns an octahedron at each point, of at most `MOST_SHOWN_POINTS`."""
+        from tdcr_planner.collision.clouds.obstacle import read_points
+
         points = read_points(path, self.unit)
         shown = points[:: -(-len(points) // MOST_SHOWN_POINTS)]
         corners = self.point_radius_m * np.concatenate([np.eye(3), -np.eye(3)])
