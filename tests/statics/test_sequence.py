@@ -139,7 +139,7 @@ def test_work_is_stored_or_rubbed_off(single: RobotSpec) -> None:
         bend = k * tension
         # d/dT of ln((1 + mu bend l) / (1 + mu bend s)) / mu, and of the axial part, alike times EA.
         turn = k * (length / (1.0 + mu * bend * length) - place / (1.0 + mu * bend * place))
-        return r * turn + axial / r * turn / k
+        return r * turn + axial * turn / k
 
     tension, place = np.meshgrid(tensions, s, indexing="ij")
     along = tension / (1.0 + mu * k * tension * place)
