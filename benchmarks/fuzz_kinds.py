@@ -130,6 +130,8 @@ for reader in (read_train, read_measured, read_journal, read_checkpoint, read_me
 def prepare(base: Path) -> int:
     """Writes the whole files into a folder."""
     shutil.copy(ROOT / "models/robots/inspection.toml", base / "robot.toml")
+    shutil.copy(ROOT / "models/robots/bench.toml", base / "bench.toml")
+    shutil.copy(ROOT / "models/robots/helical.toml", base / "helical.toml")
     shutil.copy(ROOT / "models/shape/inspection/model.pt", base / "model.pt")
     shutil.copy(ROOT / "models/shape/paper/published.pt", base / "published.pt")
     box = trimesh.creation.box((100.0, 100.0, 100.0))
@@ -295,6 +297,8 @@ _JOURNAL, _CHECKPOINT = f"sweep/{JOURNAL_NAME}", "model.pt.checkpoint"
 
 KINDS = [
     Kind("robot", "robot.toml", (("info", "robot.toml"),), _toml("robot.toml")),
+    Kind("robot, driven by displacement", "bench.toml", (("info", "bench.toml"),), _toml("bench.toml")),
+    Kind("robot, helical", "helical.toml", (("info", "helical.toml"),), _toml("helical.toml")),
     Kind("robot, solved", "robot.toml", (("solve", "robot.toml", "--bending-n", "0.2,0"),), _toml("robot.toml")),
     Kind("scenario", "scenario.toml", (("info", "scenario.toml"),), _toml("scenario.toml")),
     Kind("suite", "suite.toml", (("info", "suite.toml"),), _toml("suite.toml")),

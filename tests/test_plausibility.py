@@ -28,7 +28,7 @@ def changed(place: str, key: str, value: Any) -> dict[str, Any]:
     return table
 
 
-@pytest.mark.parametrize("name", ["paper", "inspection", "two_segment"])
+@pytest.mark.parametrize("name", ["paper", "inspection", "two_segment", "borescope", "bench", "helical"])
 def test_shipped_robots_are_not_doubted(name: str) -> None:
     assert doubts(load_robot(ROOT / f"models/robots/{name}.toml")) == []
 
@@ -103,3 +103,26 @@ def test_reading_a_file_warns_once_and_names_it(tmp_path: Path, caplog: pytest.L
         load_robot(path)
     assert len(caplog.records) == 1
     assert "mine.toml: segments[1].disk_mass_kg = 0.5" in caplog.text
+
+
+SLIPS_2 = [
+    (("drive", "transmission_stiffness_n_m"), 7.0, "transmission_stiffness_n_m = 7 .* in N/mm"),
+    (("tip", "offset_m"), [0.0, 0.0, 4.0], r"tip\.offset_m: 4 m .* in mm"),
+    (("camera", "range_m"), [5.0, 60.0], r"camera\.range_m: .* 60 m .* in mm"),
+    (("tendons", 0, "axial_stiffness_n"), 0.1, "axial_stiffness_n = 0.1 is softer"),
+    (("tendons", 3, "max_tension_n"), 3500.0, r"tendons\[4\]\.max_tension_n = 3500 .* in mN"),
+    (("tendons", 0, "turns"), 20.5, r"tendons\[1\]: its path leans from the backbone by up to 84 degrees"),
+]
+
+
+@pytest.mark.parametrize(("place", "value", "words"), SLIPS_2)
+def test_a_slipped_unit_of_version_2_is_named(place: tuple[str | int, ...], value: Any, words: str) -> None:
+    table: Any = tomllib.loads((ROOT / "models/robots/bench.toml").read_text())
+    target = table
+    for step in place[:-1]:
+        target = target[step]
+    target[place[-1]] = value
+    for tendon in table["tendons"]:
+        tendon["between_disks"] = "channel"
+    found = doubts(parse_table(RobotSpec, table, "robot.toml"))
+    assert any(re.search(words, doubt) for doubt in found), found

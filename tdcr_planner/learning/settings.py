@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 from tdcr_planner.bounds import CASES, EPOCHS, GRID, LEARNING_RATE, POINTS, PROCESSES, SEED
 from tdcr_planner.files import FileModel, NotNegative, Positive, parse_table, read_toml
 from tdcr_planner.learning.loads import tip_compliance
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import RobotSpec, refuse_unknown
 from tdcr_planner.shape.card import Domain
 from tdcr_planner.shape.shooting import MOST_CORRECTIONS, MOST_LAYERS, MOST_WIDTH
 
@@ -61,7 +61,12 @@ class DomainSettings(FileModel):
         return float(f"{deflection * robot.length / tip_compliance(robot):.1e}")
 
     def for_robot(self, robot: RobotSpec) -> Domain:
-        """Returns the domain for a robot's tension limits and stiffness."""
+        """Returns the domain for a robot's tension limits and stiffness.
+
+        Raises:
+            InputError: The robot has what learned models do not know.
+        """
+        refuse_unknown(robot, (), "the learned model")
         return Domain(
             max_tension_n=tuple(float(limit) for limit in self.tension_share * robot.max_tensions),
             gravity_m_s2=self.gravity_m_s2,

@@ -123,6 +123,17 @@ class Backbone(FileModel):
             end_before = end
         return self
 
+    @model_validator(mode="after")
+    def _check_stiffness(self) -> Backbone:
+        ends = np.array([s for s, _ in self.radius_points_m or ((0.0, 0.0),)])
+        least = float(self.stiffness_at(ends).min())
+        if not least > 0.0:
+            raise ValueError(
+                f"radius_m = {self.radius_m:g} and inner_radius_m = {self.inner_radius_m:g} leave so thin a wall that "
+                f"a stiffness is {least:g}; are they in m?"
+            )
+        return self
+
     @property
     def area(self) -> float:
         """Cross-section A, m^2."""

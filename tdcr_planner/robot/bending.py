@@ -29,8 +29,8 @@ def straight_paths(robot: RobotSpec) -> list[PolarPath]:
             raise InputError(
                 f"robot {robot.name!r}",
                 "straight tendons, each at one angle and radius",
-                f"tendon {index + 1} with {' and '.join(sorted(tendon.path.kinds))}; "
-                "ask robot.tendons[i].offsets(s), and give tensions or displacements a tendon",
+                f"tendon {index + 1} ({', '.join(sorted(tendon.path.kinds))}); robot.tendons has the path of any, and "
+                "tensions or displacements of each tendon take the place of a bending vector",
             )
         paths.append(path)
     return paths

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdcr_planner.robot.backbone import Backbone
-from tdcr_planner.robot.drive_checks import check_drive
+from tdcr_planner.robot.drive_checks import check_counts, check_drive_limits
 from tdcr_planner.robot.faults import Faults, Place
 from tdcr_planner.robot.routing_checks import check_ends, check_routes
 
@@ -21,7 +21,15 @@ def check_robot(robot: RobotSpec) -> None:
     if robot.format == "tdcr-robot/1":
         _check_tendon_circles(robot)
         return
-    for check in (_check_rods, _check_last_disk, check_ends, check_routes, check_drive, _check_bends):
+    for check in (
+        _check_rods,
+        _check_last_disk,
+        check_ends,
+        check_counts,
+        check_routes,
+        check_drive_limits,
+        _check_bends,
+    ):
         faults = Faults()
         check(robot, faults)
         faults.raise_if_any("RobotSpec")
@@ -91,7 +99,7 @@ def _check_rods(robot: RobotSpec, faults: Faults) -> None:
 
 def _check_last_disk(robot: RobotSpec, faults: Faults) -> None:
     last = robot.segments[-1]
-    if last.disk_places[-1] != last.length_m:
+    if last.disk_positions_m is not None and last.disk_places[-1] != last.length_m:
         faults.add(
             ("segments", len(robot.segments) - 1, "disk_positions_m"),
             f"the robot's last disk is its tip and must stand at length_m = {last.length_m:g}, got "

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from tdcr_planner.robot.spec import RobotSpec
 
 
-def check_drive(robot: RobotSpec, faults: Faults) -> None:
-    """Notes every fault of the drive: a list of the wrong length, or a value that its tendon cannot take."""
+def check_counts(robot: RobotSpec, faults: Faults) -> None:
+    """Notes every list of the drive that has not as many values as there are tendons, and tension limits left out."""
     count, table = len(robot.tendon_tables), robot.drive_table or DriveTable()
     for key in PER_TENDON:
         values = getattr(table, key)
@@ -23,8 +23,10 @@ def check_drive(robot: RobotSpec, faults: Faults) -> None:
     for index, said in enumerate(robot.tendon_tables):
         if table.kind == "tension" and said.max_tension_n is None:
             faults.add(("tendons", index, "max_tension_n"), "missing, and it is required with tension drive")
-    if faults:
-        return
+
+
+def check_drive_limits(robot: RobotSpec, faults: Faults) -> None:
+    """Notes the first tendon that cannot take the drive's pretension or displacement."""
     for index, tendon in enumerate(robot.tendons):
         _check_limits(("tendons", index), tendon, tendon.rest_length(robot.arc_lengths), faults)
         if faults:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -11,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from tdcr_planner.arrays import BoolArray, FloatArray, IntArray, check_array
-from tdcr_planner.errors import InputError
+from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.files import FileModel
-from tdcr_planner.limits import snap
 from tdcr_planner.robot import bending as bending_maps
+from tdcr_planner.robot import commands, variants
+from tdcr_planner.robot import rod as rod_along
 from tdcr_planner.robot.backbone import Backbone
 from tdcr_planner.robot.body import Body
 from tdcr_planner.robot.checks import check_robot
@@ -77,30 +76,11 @@ class RobotSpec(FileModel):
 
     def scaled(self, *, stiffness: float = 1.0, mass: float = 1.0) -> RobotSpec:
         """Returns a robot with all backbone stiffness, and all masses (backbone, disks, payload), times factors."""
-        segments = []
-        for segment in self.segments:
-            changes: dict[str, Any] = {
-                "disk_mass_kg": mass * segment.disk_mass_kg,
-                "backbone": None if segment.backbone is None else segment.backbone.scaled(stiffness, mass),
-            }
-            if segment.disk_masses_kg is not None:
-                changes["disk_masses_kg"] = tuple(mass * item for item in segment.disk_masses_kg)
-            segments.append(segment.model_copy(update=changes))
-        tip = self.tip.model_copy(update={"mass_kg": mass * self.tip.mass_kg})
-        return self.model_copy(
-            update={"backbone": self.backbone.scaled(stiffness, mass), "segments": segments, "tip": tip}
-        )
+        return variants.scaled(self, stiffness, mass)
 
     def with_tension_limits_times(self, factor: float) -> RobotSpec:
         """Returns a robot whose tension limits are multiplied by a factor."""
-
-        def times(table: Any) -> Any:
-            limit = table.max_tension_n
-            return table if limit is None else table.model_copy(update={"max_tension_n": factor * limit})
-
-        if self.format == "tdcr-robot/1":
-            return self.model_copy(update={"segments": [times(segment) for segment in self.segments]})
-        return self.model_copy(update={"tendons": [times(table) for table in self.tendon_tables]})
+        return variants.with_tension_limits_times(self, factor)
 
     def __eq__(self, other: object) -> bool:
         # Pydantic compares what is cached too, and arrays have no single truth value.
@@ -236,17 +216,7 @@ class RobotSpec(FileModel):
         Ends of segments, taper points, ends of rigid stretches and the ends of tendons; shape (j,). Those of the base
         are left out; the last is the robot's length.
         """
-        places = [*self.segment_ends.tolist(), *self.backbone.joins]
-        for start, segment in zip(self.segment_starts, self.segments, strict=True):
-            places += [float(start) + s for s in (segment.backbone.joins if segment.backbone else ())]
-        for tendon in self.tendons:
-            places += [tendon.start_arc_length, tendon.end_arc_length]
-        tolerance = 1e-12 * self.length
-        kept = [self.length]
-        for place in sorted(places, reverse=True):
-            if tolerance < place < kept[-1] - tolerance:
-                kept.append(place)
-        return np.array(kept[::-1])
+        return rod_along.joins(self)
 
     def stiffness_at(self, s: ArrayLike) -> FloatArray:
         """Returns the diagonals of Kse (N) and Kbt (N m^2) at arc lengths s, (n,), m, shape (n, 6).
@@ -254,45 +224,33 @@ class RobotSpec(FileModel):
         At an arc length where a property jumps the side towards the base counts. Rigid stretches have the stiffness
         that the rod would have; `rigid_at` tells them.
         """
-        return self._along(s, lambda rod, _, place: rod.stiffness_at(place))
+        return rod_along.along(self, s, lambda rod, _, place: rod.stiffness_at(place))
 
     def rest_strain_at(self, s: ArrayLike) -> FloatArray:
         """Returns v* and u* of the unloaded rod at arc lengths s, (n,), m, shape (n, 6), dimensionless and 1/m."""
-        return self._along(s, lambda rod, _, place: np.tile([0.0, 0.0, 1.0, *rod.rest_curvature_1_m], (len(place), 1)))
+        return rod_along.along(
+            self, s, lambda rod, _, place: np.tile([0.0, 0.0, 1.0, *rod.rest_curvature_1_m], (len(place), 1))
+        )
 
     def mass_per_length_at(self, s: ArrayLike) -> FloatArray:
         """Returns the backbone's mass per length at arc lengths s, (n,), m, shape (n,), kg/m."""
-        return self._along(s, lambda rod, _, place: rod.mass_per_length_at(place))
+        return rod_along.along(self, s, lambda rod, _, place: rod.mass_per_length_at(place))
 
     def backbone_radius_at(self, s: ArrayLike) -> FloatArray:
         """Returns the backbone's outer radius at arc lengths s, (n,), m, shape (n,), m."""
-        return self._along(s, lambda rod, _, place: rod.radius_at(place))
+        return rod_along.along(self, s, lambda rod, _, place: rod.radius_at(place))
 
     def rigid_at(self, s: ArrayLike) -> BoolArray:
         """Returns whether the rod keeps its rest shape at arc lengths s, (n,), m, shape (n,)."""
-        rigid = self._along(s, lambda rod, segment, place: (rod.rigid_at(place) | segment.rigid).astype(np.float64))
+        rigid = rod_along.along(
+            self, s, lambda rod, segment, place: (rod.rigid_at(place) | segment.rigid).astype(np.float64)
+        )
         return rigid > 0.0
-
-    def _along(self, s: ArrayLike, value: Callable[[Backbone, Segment, FloatArray], FloatArray]) -> FloatArray:
-        places = check_array("s", s, (None,))
-        owner = np.clip(np.searchsorted(self.segment_ends, places, side="left"), 0, self.segment_count - 1)
-        parts = []
-        for index, (segment, rod) in enumerate(zip(self.segments, self.segment_backbones, strict=True)):
-            start = 0.0 if segment.backbone is None else self.segment_starts[index]
-            parts.append(value(rod, segment, places[owner == index] - start))
-        found = np.concatenate(parts)
-        result = np.empty_like(found)
-        result[np.argsort(owner, kind="stable")] = found
-        return result
 
     @cached_property
     def backbone_mass(self) -> float:
         """Mass of the whole backbone, kg."""
-        starts = np.concatenate([[0.0], self.joins[:-1]])
-        half = 0.5 * (self.joins - starts)
-        # Two Gauss nodes are exact for the area of a radius linear in arc length.
-        nodes = (starts + half)[:, None] + half[:, None] * np.array([-1.0, 1.0]) / math.sqrt(3.0)
-        return float((half * self.mass_per_length_at(nodes.reshape(-1)).reshape(-1, 2).sum(axis=1)).sum())
+        return rod_along.backbone_mass(self)
 
     @cached_property
     def segment_circles(self) -> tuple[tuple[IntArray, float], ...]:
@@ -354,33 +312,14 @@ class RobotSpec(FileModel):
 
         Negative by rounding counts as 0. Tension limits are not checked here: the statics are valid beyond them.
         """
-        array = check_array("tensions", tensions, (None, self.tendon_count))
-        largest = np.where(np.isfinite(self.max_tensions), self.max_tensions, 1.0)
-        array = snap(array, 0.0, largest)
-        if (array < 0.0).any():
-            row, column = (int(i) for i in np.argwhere(array < 0.0)[0])
-            raise InputError(
-                "tensions",
-                "tensions of 0 N or more (tendons only pull)",
-                f"{array[row, column]:g} in row {row}, tendon {column}",
-            )
-        return array
+        return commands.check_tensions(self, tensions)
 
     def check_displacements(self, displacements: ArrayLike) -> FloatArray:
         """Returns displacements as shape (n, t), m, or raises InputError: one row a case, all finite.
 
         A tendon cannot be pulled by its own length or more. Limits of the drive are not checked here.
         """
-        array = check_array("displacements", displacements, (None, self.tendon_count))
-        lengths = self.rest_path_lengths
-        if (array >= lengths).any():
-            row, column = (int(i) for i in np.argwhere(array >= lengths)[0])
-            raise InputError(
-                "displacements",
-                f"less than the {lengths[column]:g} m of the tendon inside the robot",
-                f"{array[row, column]:g} m in row {row}, tendon {column}; are they in mm?",
-            )
-        return array
+        return commands.check_displacements(self, displacements)
 
     @cached_property
     def rest_path_lengths(self) -> FloatArray:

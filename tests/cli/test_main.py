@@ -141,6 +141,21 @@ def test_info_describes_a_robot(root: Path, capsys: pytest.CaptureFixture[str]) 
     assert "1 g payload" in text
 
 
+def test_info_describes_tendons_drive_and_camera_of_a_version_2_robot(
+    root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["info", str(root / "models/robots/bench.toml")]) == 0
+    text = capsys.readouterr().out
+    assert "tendon 4: disk 0 to 12, at 50 degrees, 4.5 mm from the backbone, straight between disks, to 20 N" in text
+    assert "displacement drive, pretension 1 N, transmission 7000 N/m" in text
+    assert "camera with a field of view of 90 degrees, from 5 to 60 mm" in text
+    assert "beyond what the planner and learned models know: displacement drive, elastic" in text
+    assert run(["info", str(root / "models/robots/helical.toml")]) == 0
+    text = capsys.readouterr().out
+    assert "tendon 1: disk 0 to 20, winding by 1 turns from 0 degrees, 8 mm from the backbone, to 5 N" in text
+    assert "tendon 2: disk 0 to 20, at 90 degrees, 8 to 2 mm from the backbone, to 5 N" in text
+
+
 def test_info_shows_a_model_as_a_table_for_a_terminal(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["info", str(root / "models/shape/inspection/model.pt")]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -47,7 +47,7 @@ angles = st.sampled_from([(90.0, -30.0, 210.0), (0.0, 90.0, 180.0, 270.0), (10.0
 def test_tensions_from_bending_solve_the_linear_programme(
     tendon_angles: tuple[float, ...], x: float, y: float, pretension: float
 ) -> None:
-    table = robot_table(Path(__file__).parents[1])
+    table = robot_table(Path(__file__).parents[2])
     table["segments"][0] |= {"tendon_angles_deg": tendon_angles, "pretension_n": pretension}
     robot = parse_table(RobotSpec, table, "robot")
     tensions = robot.tensions_from_bending([[[x, y]]])[0] - pretension
