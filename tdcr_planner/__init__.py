@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tdcr_planner.query.session import PlanningSession, plan, verify
     from tdcr_planner.robot import RobotSpec, load_robot
     from tdcr_planner.shape.learned import load_shape_model
+    from tdcr_planner.statics.sequence import solve_sequence
     from tdcr_planner.statics.solver import solve_statics
 
 _HOMES = {
@@ -29,6 +30,7 @@ _HOMES = {
     "load_scenario": "tdcr_planner.planning.scenario",
     "load_shape_model": "tdcr_planner.shape.learned",
     "plan": "tdcr_planner.query.session",
+    "solve_sequence": "tdcr_planner.statics.sequence",
     "solve_statics": "tdcr_planner.statics.solver",
     "verify": "tdcr_planner.query.session",
 }
@@ -44,6 +46,7 @@ __all__ = [
     "load_scenario",
     "load_shape_model",
     "plan",
+    "solve_sequence",
     "solve_statics",
     "verify",
 ]

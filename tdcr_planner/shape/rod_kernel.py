@@ -10,6 +10,7 @@ import numpy as np
 from tdcr_planner.arrays import FloatArray, IntArray
 from tdcr_planner.compiled import njit
 from tdcr_planner.robot import RobotSpec
+from tdcr_planner.statics.rod import GapColumn, gap_table, rod_arrays
 
 ONE, EIGHT = (None,), (None,) * 8
 """How many shapes are integrated side by side, so that the compiler can use vector instructions.
@@ -39,8 +40,7 @@ class RodConstants:
     """What the kernel needs to know of a robot.
 
     Attributes:
-        gaps: Shape (d - 1, 12): gap length, EI, EI, GJ, GA, GA, EA, rest curvature (3), backbone mass per length,
-            mass of the disk at the gap's end (payload included).
+        gaps: A row from disk to disk, shape (d - 1, 12), columns as in `statics.rod.GapColumn`.
         first_tendon: Shape (d - 1,): index of the first tendon that is still present in the gap.
         offsets: Tendon offsets x, y, shape (t, 2), m.
         base_mass: Mass of everything beyond the base, kg.
@@ -70,28 +70,16 @@ def rod_constants(robot: RobotSpec, bending_scale: float = 1.0, torsion_scale: f
         bending_scale: Factor on the bending stiffness EI (identified from measurements; 1 for the robot file's).
         torsion_scale: Factor on the torsional stiffness GJ.
     """
-    rows, first = [], []
-    disk = 0
-    for index, (segment, backbone) in enumerate(zip(robot.segments, robot.segment_backbones, strict=True)):
-        bending = np.array(backbone.stiffness_bending_torsion) * [bending_scale, bending_scale, torsion_scale]
-        for _ in range(segment.disks):
-            disk += 1
-            mass = robot.disk_masses[disk] + (robot.tip.mass_kg if disk == robot.disk_count - 1 else 0.0)
-            rows.append(
-                [
-                    segment.length_m / segment.disks,
-                    *bending,
-                    *backbone.stiffness_shear_extension,
-                    *backbone.rest_curvature_1_m,
-                    backbone.weight_per_length_kg_m,
-                    mass,
-                ]
-            )
-            first.append(int(np.argmax(robot.tendon_segments >= index)))
-    gaps = np.array(rows)
-    offsets = np.ascontiguousarray(robot.tendon_offsets[:, :2])
-    base_mass = float((gaps[:, 0] * gaps[:, 10] + gaps[:, 11]).sum())
-    return RodConstants(gaps, np.array(first, dtype=np.int64), offsets, base_mass)
+    rod = rod_arrays(robot, 1)
+    gaps = gap_table(rod)
+    gaps[:, GapColumn.BENDING_X : GapColumn.BENDING_Y + 1] *= bending_scale
+    gaps[:, GapColumn.TWIST] *= torsion_scale
+    base_mass = float(
+        (gaps[:, GapColumn.LENGTH] * gaps[:, GapColumn.MASS_PER_LENGTH] + gaps[:, GapColumn.DISK_MASS]).sum()
+    )
+    # Tendons stand in the order of the segments in which they end, so that those present are the last ones.
+    first = rod.tendons.shape[1] - rod.tendon_counts
+    return RodConstants(gaps, first, np.ascontiguousarray(robot.tendon_offsets[:, :2]), base_mass)
 
 
 def rod_constants_at(robot: RobotSpec, arc_lengths: FloatArray) -> tuple[RodConstants, IntArray]:
@@ -112,8 +100,8 @@ def rod_constants_at(robot: RobotSpec, arc_lengths: FloatArray) -> tuple[RodCons
     stops = np.sort(np.concatenate([ends, extra]))
     owner = np.clip(np.searchsorted(ends, stops[1:], side="left") - 1, 0, len(whole.gaps) - 1)
     gaps = whole.gaps[owner]
-    gaps[:, 0] = np.diff(stops)
-    gaps[~np.isin(stops[1:], ends), 11] = 0.0
+    gaps[:, GapColumn.LENGTH] = np.diff(stops)
+    gaps[~np.isin(stops[1:], ends), GapColumn.DISK_MASS] = 0.0
     columns = np.abs(stops[None, :] - arc_lengths[:, None]).argmin(axis=1)
     constants = RodConstants(gaps, whole.first_tendon[owner], whole.offsets, whole.base_mass)
     return constants, columns

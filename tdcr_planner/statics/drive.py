@@ -41,7 +41,7 @@ from tdcr_planner.statics.tension import TendonTension, fill_tension
 
 NEWTON_LIMIT = 20
 START_LIMIT = 60
-GAP_TOLERANCE = 0.1
+GAP_TOLERANCE = 0.5
 """Of the relative tolerance, times the robot's length: the largest gap of a solved case."""
 
 

@@ -25,7 +25,7 @@ from tdcr_planner.statics.small_matrices import invert3
 from tdcr_planner.statics.tension import TendonTension, rubbing_tension
 
 NEWTON_LIMIT = 40
-SLIDE_TOLERANCE = 1e-10
+SLIDE_TOLERANCE = 1e-8
 """Largest relative change of a tension from one iteration to the next in a solved state."""
 SHORTEST_STEP = 0.1
 GIVEN_UP = 1e3

@@ -22,9 +22,12 @@ from tdcr_planner.statics.rod import RodArrays
 from tdcr_planner.statics.tension import fill_tension, frictionless_tension
 
 FINEST_FRICTION = 1.0 / 64.0
-MOST_PARTS = 256
-PATH_TOLERANCE = 2e-7
-"""Largest distance of a disk, m, that cutting a motion into twice as many parts may make."""
+MOST_PARTS = 64
+PATH_TOLERANCE = 5e-7
+"""Largest distance of a disk, m, that cutting a motion into twice as many parts may make.
+
+The front at which a tendon begins to stick is known to a stage point, which moves disks by some 1e-7 m.
+"""
 
 
 @njit(**OPTIONS)

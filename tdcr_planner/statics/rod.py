@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from enum import IntEnum
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -22,6 +23,26 @@ POINT_OF_STAGE = (0, 1, 1, 2)
 """The stage point of each of the four Runge-Kutta stages."""
 # Where a quantity may jump at a step's end, it is read this fraction of the step inside.
 _INSIDE = 1e-9
+
+
+class GapColumn(IntEnum):
+    """Columns of a gap table: a row from one disk to the next of a rod that is uniform in between.
+
+    Stiffnesses in N m^2 (bending, twist) and N (shear, axial); rest curvature in 1/m; lengths in m, masses in kg.
+    """
+
+    LENGTH = 0
+    BENDING_X = 1
+    BENDING_Y = 2
+    TWIST = 3
+    SHEAR_X = 4
+    SHEAR_Y = 5
+    AXIAL = 6
+    REST_X = 7
+    REST_Y = 8
+    REST_TWIST = 9
+    MASS_PER_LENGTH = 10
+    DISK_MASS = 11
 
 
 class RodArrays(NamedTuple):
@@ -153,6 +174,21 @@ def _cached_rod_arrays(robot: RobotSpec, steps_per_gap: int | None) -> RodArrays
         payload=np.array([robot.tip.mass_kg, *robot.tip.offset_m], dtype=np.float64),
         length=np.array([robot.length]),
     )
+
+
+def gap_table(rod: RodArrays) -> FloatArray:
+    """Returns the rows of a rod that has one uniform step from disk to disk, columns as in `GapColumn`.
+
+    The mass of a disk includes the payload at the last one. Where the rod tapers, the middle of each gap counts.
+    """
+    table = np.empty((len(rod.step_lengths), len(GapColumn)))
+    table[:, GapColumn.LENGTH] = rod.step_lengths
+    table[:, GapColumn.BENDING_X : GapColumn.TWIST + 1] = rod.stiffness[:, 1, 3:]
+    table[:, GapColumn.SHEAR_X : GapColumn.AXIAL + 1] = rod.stiffness[:, 1, :3]
+    table[:, GapColumn.REST_X : GapColumn.REST_TWIST + 1] = rod.rest_strain[:, 1, 3:]
+    table[:, GapColumn.MASS_PER_LENGTH] = rod.step_masses[:, 1] / rod.step_lengths
+    table[:, GapColumn.DISK_MASS] = np.where(rod.step_disks >= 0, rod.disk_masses[rod.step_disks], 0.0)
+    return table
 
 
 def _repeated(values: NDArray[Any]) -> BoolArray:

@@ -11,9 +11,11 @@ from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.se3 import skew
 from tdcr_planner.statics.batch import variations_of_cases
+from tdcr_planner.statics.drive_settings import drive_arrays
 from tdcr_planner.statics.profile import record_solution, solved_rod
 from tdcr_planner.statics.rod import RodArrays
-from tdcr_planner.statics.solver import RodSolution
+from tdcr_planner.statics.solution import RodSolution
+from tdcr_planner.statics.tendons import tendon_lengths
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,10 @@ class StaticsJacobian:
         tip_moment: k = 3, per N m.
         distributed_force: k = 3, per N/m.
         disk_forces: k = 3 d, per N, x y z of disk 0, then of disk 1 and so on; None where not asked for.
+        displacements: k = t, per m; None where tensions were given. Zero for slack tendons.
+
+    Where displacements were given, the loads' derivatives hold the displacements, and `tensions` holds the loads and
+    the other tensions.
     """
 
     tensions: PoseDerivative
@@ -56,6 +62,7 @@ class StaticsJacobian:
     tip_moment: PoseDerivative
     distributed_force: PoseDerivative
     disk_forces: PoseDerivative | None
+    displacements: PoseDerivative | None = None
 
 
 def statics_jacobian(robot: RobotSpec, solution: RodSolution, *, with_disk_forces: bool = False) -> StaticsJacobian:
@@ -92,6 +99,15 @@ def statics_jacobian(robot: RobotSpec, solution: RodSolution, *, with_disk_force
     base[found] = np.linalg.solve(end[found, :, :3], changes[found])
     poses = at_disks[..., :3] @ base[:, None]
     poses[..., : columns - 3] += at_disks[..., 3:]
+    held_poses = held_base = None
+    if solution.displacements is not None:
+        follows = lengths[..., :3] @ base
+        follows[..., : columns - 3] += lengths[..., 3:]
+        pulls = _tension_changes(robot, rod, solution, follows)
+        held_poses = poses[..., :tendons] @ pulls[:, None, :, :tendons]
+        held_base = base[..., :tendons] @ pulls[:, :, :tendons]
+        poses[..., tendons:] += poses[..., :tendons] @ pulls[:, None, :, tendons:]
+        base[..., tendons:] += base[..., :tendons] @ pulls[:, :, tendons:]
 
     def part(start: int, width: int) -> PoseDerivative:
         chosen = slice(start, start + width)
@@ -104,7 +120,37 @@ def statics_jacobian(robot: RobotSpec, solution: RodSolution, *, with_disk_force
         distributed_force=part(tendons + 6, 3),
         disk_forces=part(tendons + 9, 3 * disks) if with_disk_forces else None,
         tip_moment=part(columns - 3, 3),
+        displacements=None
+        if held_poses is None or held_base is None
+        else PoseDerivative(held_poses[:, :, 3:], held_poses[:, :, :3], held_base),
     )
+
+
+def _tension_changes(robot: RobotSpec, rod: RodArrays, solution: RodSolution, length_rates: FloatArray) -> FloatArray:
+    """Returns how the tensions follow the displacements, and the loads at held displacements; taut tendons only.
+
+    0 = d gap = dq + (1 - tau / EA) dl - (1/k + l / EA) d tau, with dl by the tensions and by the loads.
+
+    Args:
+        robot: The robot.
+        rod: Its arrays.
+        solution: The solution.
+        length_rates: Derivative of the path lengths by tensions and loads, shape (n, t, t + k), at M(l) = M_tip.
+
+    Returns:
+        Shape (n, t, t + k), by displacements and loads.
+    """
+    tendons = solution.tensions.shape[1]
+    drive, path = drive_arrays(robot, rod), tendon_lengths(robot, solution)
+    changes = np.full_like(length_rates, np.nan)
+    for case in np.flatnonzero(solution.converged):
+        taut = np.flatnonzero(solution.tensions[case] > 0.0)
+        rates = (1.0 - solution.tensions[case] * drive.stretch)[:, None] * length_rates[case]
+        compliance = np.diag(drive.compliance + path[case] * drive.stretch) - rates[:, :tendons]
+        right = np.concatenate([np.eye(tendons), rates[:, tendons:]], axis=1)
+        changes[case] = 0.0
+        changes[case, taut] = np.linalg.solve(compliance[np.ix_(taut, taut)], right[taut])
+    return changes
 
 
 def _subtract_payload(rod: RodArrays, solution: RodSolution, at_disks: FloatArray, end: FloatArray) -> None:

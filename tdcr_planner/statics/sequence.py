@@ -36,8 +36,8 @@ def solve_sequence(
 
     Actuation and loads change linearly from state to state, slowly. A tendon keeps the tension that it had at a place
     while that stays within what friction holds there, and slides where it does not. The motion is cut into as many
-    parts as it takes for more of them not to move a disk by more than 0.2 micrometres. The first state is reached from
-    rest: every tendon is pulled there from no tension.
+    parts as it takes for more of them not to move a disk by more than half a micrometre. The first state is reached
+    from rest: every tendon is pulled there from no tension.
 
     Args:
         robot: The robot; its tendons say how they rub, its drive how much play it has.

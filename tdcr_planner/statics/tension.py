@@ -9,7 +9,7 @@ import numpy as np
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.compiled import njit
 from tdcr_planner.statics.chord import chord_path
-from tdcr_planner.statics.options import OPTIONS
+from tdcr_planner.statics.options import INLINED, OPTIONS
 from tdcr_planner.statics.rod import RodArrays
 
 
@@ -108,7 +108,7 @@ def rubbing_tension(rod: RodArrays, friction: FloatArray, sheath_angles: FloatAr
     )  # fmt: skip
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def slid(value: float, gain: float, before: float, factor: float, loose: bool) -> tuple[float, float]:
     """Returns the tension behind an angle, and its derivative by that at the base, from those before the angle.
 
@@ -172,17 +172,15 @@ def angle_between(a: FloatArray, b: FloatArray) -> float:
     return np.arctan2(np.sqrt(x * x + y * y + z * z), a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-@njit(**OPTIONS)
-def turning_rate(tangents: FloatArray, u: FloatArray, first: float, second: float, third: float) -> float:
+@njit(**INLINED)
+def turning_rate(
+    tangents: FloatArray, t: FloatArray, u: FloatArray, first: float, second: float, third: float
+) -> float:
     """Returns the curvature |t' + u x t| of a tendon's path; t' by given weights of the step's three tangents."""
-    size = 0.0
-    point = 1 if second == 0.0 else (0 if first < 0.0 else 2)
-    for j in range(3):
-        k, m = (j + 1) % 3, (j + 2) % 3
-        rate = first * tangents[0, j] + second * tangents[1, j] + third * tangents[2, j]
-        rate += u[k] * tangents[point, m] - u[m] * tangents[point, k]
-        size += rate * rate
-    return np.sqrt(size)
+    x = first * tangents[0, 0] + second * tangents[1, 0] + third * tangents[2, 0] + u[1] * t[2] - u[2] * t[1]
+    y = first * tangents[0, 1] + second * tangents[1, 1] + third * tangents[2, 1] + u[2] * t[0] - u[0] * t[2]
+    z = first * tangents[0, 2] + second * tangents[1, 2] + third * tangents[2, 2] + u[0] * t[1] - u[1] * t[0]
+    return np.sqrt(x * x + y * y + z * z)
 
 
 @njit(**OPTIONS)
@@ -203,9 +201,9 @@ def turn(rod: RodArrays, tension: TendonTension, c: int) -> None:
         elif at_disk or (rod.joins[c] and not straight):
             jump = angle_between(tension.tangents[tension.last[0, i], 2, tension.last[1, i]], tangents[0])
         if not straight:
-            a = turning_rate(tangents, u[0], -3.0 / h, 4.0 / h, -1.0 / h)
-            b = turning_rate(tangents, u[1], -1.0 / h, 0.0, 1.0 / h)
-            e = turning_rate(tangents, u[2], 1.0 / h, -4.0 / h, 3.0 / h)
+            a = turning_rate(tangents, tangents[0], u[0], -3.0 / h, 4.0 / h, -1.0 / h)
+            b = turning_rate(tangents, tangents[1], u[1], -1.0 / h, 0.0, 1.0 / h)
+            e = turning_rate(tangents, tangents[2], u[2], 1.0 / h, -4.0 / h, 3.0 / h)
             first = max(0.0, h / 24.0 * (5.0 * a + 8.0 * b - e))
             second = max(0.0, h / 24.0 * (5.0 * e + 8.0 * b - a))
         value, gain, friction = tension.running[0, i], tension.running[1, i], tension.friction[i]

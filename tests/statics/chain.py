@@ -6,7 +6,7 @@ the element's length with an even expansion, so two chains extrapolate to fourth
 
 from __future__ import annotations
 
-import itertools
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ class Chain:
 
     def __init__(self, robot: RobotSpec, elements: int) -> None:
         stops = np.unique(np.round(np.concatenate([robot.arc_lengths, robot.joins]), 12))
-        nodes = np.concatenate([np.linspace(a, b, elements, endpoint=False) for a, b in itertools.pairwise(stops)])
+        nodes = np.concatenate([np.linspace(a, b, elements, endpoint=False) for a, b in pairwise(stops)])
         nodes = np.append(nodes, stops[-1])
         middles = 0.5 * (nodes[1:] + nodes[:-1])
         tensor = lambda value: torch.as_tensor(np.asarray(value, dtype=np.float64))  # noqa: E731

@@ -151,6 +151,7 @@ def make_routed_robot(
         "disk_thickness_m": 1e-4,
         "disk_mass_kg": disk_mass,
     }
+    default = {"max_tension_n": 10.0, "segment": len(segments or [{}])}
     table = {
         "format": "tdcr-robot/2",
         "name": "routed",
@@ -162,7 +163,9 @@ def make_routed_robot(
         }
         | (backbone or {}),
         "segments": [one | segment for segment in segments or [{}]],
-        "tendons": [{"max_tension_n": 10.0, "segment": len(segments or [{}])} | tendon for tendon in tendons],
+        "tendons": [
+            {key: value for key, value in (default | tendon).items() if value is not None} for tendon in tendons
+        ],
         "tip": tip or {},
     }
     if "radius_points_m" in table["backbone"]:

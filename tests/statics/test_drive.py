@@ -9,6 +9,7 @@ import pytest
 
 from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
+from tdcr_planner.statics.sensitivity import statics_jacobian
 from tdcr_planner.statics.solver import SolverSettings, SolveStatus, solve_statics
 from tdcr_planner.statics.tendons import tendon_displacements, tendon_lengths
 
@@ -111,7 +112,8 @@ def test_a_warm_start_finds_the_same_shape(
 
 
 def test_elastic_tendons_hold_a_column_that_constant_tensions_let_go(driven: Callable[..., RobotSpec]) -> None:
-    robot = driven(1e6, 0.5)
+    # The load shortens the backbone; so much pretension keeps the tendons taut.
+    robot = driven(1e5, 5.0)
     stiffness = robot.stiffness_at(np.array([0.1]))[0, 3]
     critical = np.pi**2 * stiffness / (4 * 0.2**2)
     force = [0.0, 0.0, -1.5 * critical]
@@ -137,6 +139,29 @@ def test_random_cases_converge_or_say_so(
     pulled = tendon_displacements(robot, solution)
     taut = solution.tensions > 0.0
     np.testing.assert_allclose(pulled[taut], displacements[taut], atol=1e-10)
+
+
+def test_derivatives_agree_with_central_differences(driven: Callable[..., RobotSpec]) -> None:
+    robot = driven(7000.0)
+    settings = SolverSettings(tolerance=1e-12, steps_per_gap=3)
+    arguments = {
+        "displacements": np.array([[0.004, -0.006, -0.006, -0.002, 0.002, -0.001]]),
+        **{name: value[None] for name, value in LOADS.items()},
+    }
+    solution = solve_statics(robot, **arguments, settings=settings)
+    assert (solution.tensions[0] == 0.0).any()
+    jacobian = statics_jacobian(robot, solution)
+    for kind, step in (("displacements", 1e-6), ("gravity", 1e-3), ("tip_force", 1e-5)):
+        exact = getattr(jacobian, kind).positions
+        for column in range(exact.shape[-1]):
+            shapes = []
+            for sign in (1.0, -1.0):
+                moved = {key: value.copy() for key, value in arguments.items()}
+                moved[kind][:, column] += sign * step
+                shapes.append(solve_statics(robot, **moved, settings=settings).positions)
+            difference = (shapes[0] - shapes[1]) / (2.0 * step)
+            # Shapes and derivatives are of fourth order in the step, each by itself.
+            np.testing.assert_allclose(exact[..., column], difference, atol=2e-5 * np.abs(exact).max())
 
 
 def test_what_is_refused(driven: Callable[..., RobotSpec]) -> None:

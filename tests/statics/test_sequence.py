@@ -11,7 +11,7 @@ from tdcr_planner.errors import InputError
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.statics.energy import stored_energy
 from tdcr_planner.statics.sequence import solve_sequence
-from tdcr_planner.statics.solver import solve_statics
+from tdcr_planner.statics.solver import SolverSettings, solve_statics
 from tdcr_planner.statics.tendons import tendon_displacements, tendon_tensions
 
 ANGLES = (90.0, -30.0, 210.0)
@@ -74,12 +74,13 @@ def test_without_friction_it_is_the_frictionless_solver(
 ) -> None:
     robot = rubbing(routed, 0.0)
     tensions = random.uniform(0.0, 4.0, (6, 3))
-    plain = solve_statics(robot, tensions, **LOADS)
+    settings = SolverSettings(tolerance=1e-12)
+    plain = solve_statics(robot, tensions, **LOADS, settings=settings)
     for solution in (
-        solve_sequence(robot, tensions, **LOADS),
-        solve_statics(robot, tensions, friction="pull", **LOADS),
+        solve_sequence(robot, tensions, **LOADS, settings=settings),
+        solve_statics(robot, tensions, friction="pull", **LOADS, settings=settings),
     ):
-        np.testing.assert_allclose(solution.positions, plain.positions, atol=1e-9)
+        np.testing.assert_allclose(solution.positions, plain.positions, atol=1e-12)
         np.testing.assert_array_equal(tendon_tensions(robot, solution)[1], tendon_tensions(robot, plain)[1])
 
 
@@ -139,7 +140,7 @@ def test_work_is_stored_or_rubbed_off(single: RobotSpec) -> None:
         bend = k * tension
         # d/dT of ln((1 + mu bend l) / (1 + mu bend s)) / mu, and of the axial part, alike times EA.
         turn = k * (length / (1.0 + mu * bend * length) - place / (1.0 + mu * bend * place))
-        return r * turn + axial / r * turn / k
+        return r * turn + axial * turn / k
 
     tension, place = np.meshgrid(tensions, s, indexing="ij")
     along = tension / (1.0 + mu * k * tension * place)
