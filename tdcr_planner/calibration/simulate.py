@@ -71,6 +71,8 @@ def write_simulated(
 ) -> Path:
     """Writes a CSV file of what a bench would have measured, and returns its path.
 
+    A state without a stable shape has empty positions, as a point that was not seen.
+
     Args:
         path: The file.
         bench: The robot on its bench, as it really is.
@@ -88,5 +90,5 @@ def write_simulated(
     with write_file_whole(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([*header, *axes_of(f"{point}_{{}}_m")])
-        writer.writerows([[f"{value:.9g}" for value in row] for row in rows])
+        writer.writerows([[f"{value:.9g}" if np.isfinite(value) else "" for value in row] for row in rows])
     return path

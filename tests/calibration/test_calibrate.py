@@ -12,6 +12,7 @@ from tdcr_planner.calibration.calibrate import bench_of_robot, calibrate
 from tdcr_planner.calibration.data import read_measured_states
 from tdcr_planner.calibration.forward import Forward, UnloadedMechanics
 from tdcr_planner.calibration.parameters import make_blocks
+from tdcr_planner.calibration.reference import ReferenceMechanics
 from tdcr_planner.calibration.simulate import commanded_states, smooth_motion, write_simulated
 from tdcr_planner.errors import FormatError, InputError
 from tdcr_planner.robot import format_robot, load_robot
@@ -34,7 +35,7 @@ def repetitions(tmp_path_factory, make_robot):
         random = np.random.default_rng(seed)
         path = tmp_path_factory.mktemp("simulated") / "bench.csv"
         write_simulated(path, truth, smooth_motion(6, 150, 0.003, random), 1e-3, random)
-        found.append(calibrate(robot, read_measured_states(path, robot), list(TRUTH), folds=2))
+        found.append(calibrate(robot, read_measured_states(path, robot), list(TRUTH), use_reference=False, folds=2))
     return truth, blocks, found
 
 
@@ -82,7 +83,7 @@ def test_the_robot_file_predicts_what_the_fit_did(repetitions, tmp_path):
 
 
 def test_what_the_data_cannot_tell_is_left_out_with_a_reason(robot, states):
-    found = calibrate(robot, states, folds=2)
+    found = calibrate(robot, states, use_reference=False, folds=2)
     reasons = dict(found.selection.left_out)
     assert "offsets" in found.selection.names
     assert reasons["modulus"].startswith("the measurements do not tell it from transmission")
@@ -113,12 +114,52 @@ def test_swapped_columns_are_refused(robot, states, changed):
 
 
 def test_outliers_do_not_move_the_fit(robot, states):
-    clean = calibrate(robot, states, ["offsets"], folds=2)
+    clean = calibrate(robot, states, ["offsets"], use_reference=False, folds=2)
     spoilt = states.positions.copy()
     spoilt[::12] += 0.03
-    found = calibrate(robot, replace(states, positions=spoilt), ["offsets"], folds=2)
+    found = calibrate(robot, replace(states, positions=spoilt), ["offsets"], use_reference=False, folds=2)
     shift = (found.fit.numbers - clean.fit.numbers) / clean.uncertainty.deviations
     assert np.abs(shift).max() < 3.0
+
+
+@pytest.fixture(scope="module")
+def slippery(make_robot):
+    """Without friction, straight tendons between three disks a segment, where reference and arcs differ."""
+    return make_robot(friction=0.0)
+
+
+def test_the_reference_is_fitted_by_way_of_the_arcs(slippery, tmp_path):
+    random = np.random.default_rng(11)
+    truth = Bench.nominal(slippery)
+    truth = make_blocks(truth, ["transmission"], 30.0)[0].apply(truth, np.array([0.3, -0.2]))
+    motion = smooth_motion(6, 60, 0.0015, random)
+    path = write_simulated(tmp_path / "bench.csv", truth, motion, 1e-6, random, mechanics=ReferenceMechanics())
+    states = read_measured_states(path, slippery)
+    by_arcs = calibrate(slippery, states, ["transmission"], use_reference=False, folds=2)
+    found = calibrate(slippery, states, ["transmission"], folds=2)
+    # Beside the noise of a micrometre the difference between arcs and reference counts.
+    assert np.nanmax(np.linalg.norm(by_arcs.fitted, axis=2)) > 3e-5
+    assert np.nanmax(np.linalg.norm(found.fitted, axis=2)) < 1e-5
+    np.testing.assert_allclose(found.fit.numbers, [0.3, -0.2], atol=2e-3)
+
+
+def test_masses_are_found_under_gravity(slippery, tmp_path):
+    heavy = slippery.model_copy(update={"tip": {"mass_kg": 0.01}})
+    random = np.random.default_rng(12)
+    truth = Bench.nominal(heavy)
+    truth = make_blocks(truth, ["mass"], 20.0)[0].apply(truth, np.array([0.2]))
+    states = commanded_states(truth, smooth_motion(6, 30, 0.002, random))
+    states = replace(states, gravity=np.tile([0.0, -9.81, 0.0], (30, 1)))
+    points = Forward(states, ReferenceMechanics()).points(truth)
+    header = ["time_s", *(f"tendon_displacement_{i + 1}_m" for i in range(6)), *(f"tip_{axis}_m" for axis in "xyz")]
+    header += [f"gravity_{axis}_m_s2" for axis in "xyz"]
+    noisy = points[:, 0] + 1e-4 * random.normal(size=(30, 3))
+    rows = np.column_stack([states.times, states.displacements, noisy, states.gravity])
+    np.savetxt(tmp_path / "bench.csv", rows, delimiter=",", header=",".join(header), comments="")
+    found = calibrate(heavy, read_measured_states(tmp_path / "bench.csv", heavy), ["mass"], folds=2)
+    off = (found.fit.numbers[0] - 0.2) / found.uncertainty.deviations[0]
+    assert abs(off) < 4.0
+    assert found.uncertainty.deviations[0] < 0.05
 
 
 def test_a_version_1_robot_says_the_same_in_version_2(two_segment_robot):
