@@ -84,6 +84,24 @@ def make_search(session: PlanningSession, scenario: Scenario | None = None) -> I
     return query.search(query.checker())
 
 
+def survey_surfaces(
+    session: PlanningSession, *, time_limit_s: float, load_s: float = 0.0, progress: Progress | None = None
+) -> Inspection:
+    """Returns which points can be seen by paths from the start, and why not the others, without a path for all of them.
+
+    Args:
+        session: The scene of a scenario that says what to inspect.
+        time_limit_s: Time for looking.
+        load_s: Seconds that loading took.
+        progress: Told the share of the time that has passed and a remark.
+
+    Raises:
+        InputError: The scenario says nothing of what to inspect, or there is no camera.
+        FormatError: A surface is unknown or empty, or its spacing makes too many points.
+    """
+    return _Query(session, session.scenario, load_s).survey(time.monotonic() + time_limit_s, progress)
+
+
 def inspect(
     session: PlanningSession,
     scenario: Scenario | None = None,
@@ -159,6 +177,19 @@ class _Query:
                 self._learn(report, states)
                 search = self.search(self.checker(), search)
         return self._result(search, best or failed)
+
+    def survey(self, deadline: float, progress: Progress | None) -> Inspection:
+        """Looks until a time by time.monotonic() and answers without a path."""
+        checker = self.checker()
+        problem = checker.explain(self._start)
+        if problem:
+            return self._without_path(PlanStatus.INVALID_START, f"the start is not valid: {problem}")
+        search = self.search(checker)
+        search.look(deadline, progress)
+        answer = self._result(search, None)
+        share = 100.0 * answer.coverage.visible
+        message = f"{share:.1f} % of the surfaces can be seen by paths from the start; no path was asked for"
+        return replace(answer, plan=replace(answer.plan, message=message))
 
     def checker(self) -> ValidityChecker:
         """Returns the validity checker with what repairs have taught."""

@@ -138,6 +138,7 @@ def map_reach(
     cells: int = 10_000,
     grid: Grid | None = None,
     time_limit_s: float = 20.0,
+    batches: int | None = None,
     seed: int = 1,
     progress: Progress | None = None,
 ) -> ReachMap:
@@ -154,6 +155,7 @@ def map_reach(
         grid: The cells; None for a box around all tips that shapes within the limits have, cut to that
             around the scene's cavities.
         time_limit_s: Time for the search.
+        batches: Batches of states after which it ends; None for the time alone.
         seed: Of the draws.
         progress: Told the share of the time that has passed and a remark.
 
@@ -166,7 +168,7 @@ def map_reach(
     checker = session.checker()
     generator = np.random.default_rng(seed)
     search = _ReachSearch(session, checker, grid or _volume(session, checker, cells, generator), generator)
-    search.run(begin + time_limit_s, progress)
+    search.run(begin + time_limit_s, batches, progress)
     return search.confirmed(begin)
 
 
@@ -218,10 +220,13 @@ class _ReachSearch:
         self._joined: list[FloatArray] = []
         self._reach = _REACH * checker.robot.length
 
-    def run(self, deadline: float, progress: Progress | None) -> None:
-        begin, idle, roadmap_s = time.monotonic(), 0, 0.0
+    def run(self, deadline: float, batches: int | None, progress: Progress | None) -> None:
+        """Draws batches until a time by time.monotonic(), their number, or until nothing is gained for long."""
+        begin, idle, roadmap_s, done = time.monotonic(), 0, 0.0, 0
         self._add(self._start[None])
-        while time.monotonic() < deadline and idle < _IDLE:
+        self._take_reached(self._tree_rows)
+        while time.monotonic() < deadline and idle < _IDLE and (batches is None or done < batches):
+            done += 1
             known = int(self.attained.sum()) + int(self.reached.sum())
             self._add(sample_within_tensions(self._checker, _BATCH, self._generator))
             self._add(self._grown())

@@ -32,6 +32,8 @@ _MOST_VERTICES = 6_000
 _FIRST_JOIN_S = 3.0  # for joining what is seen from no reached state, at least
 _IDLE_ROUNDS = 3  # rounds of little gain after which the search ends
 _LITTLE = 0.004
+_LEAST_ROUND = 0.04  # of the whole time: shorter rounds do not end the search
+_NOTABLE = 0.01  # share of the surfaces
 _SPARE = 1.004  # times what must be seen, up to which a path is kept while it is being shortened
 _EPS = 1e-12
 
@@ -105,16 +107,36 @@ class InspectionSearch:
         idle, size = 0, _FIRST_ROUND_S
         while time.monotonic() < deadline and idle < _IDLE_ROUNDS:
             known = (self.covered, self.length)
-            stop = min(time.monotonic() + size, deadline)
+            now = time.monotonic()
+            stop = min(now + size, deadline)
             self._round(stop, begin)
             self._rounds += 1
             size *= _GROWTH
             gained = self.covered > known[0] + _EPS or self.length < known[1] * (1.0 - _LITTLE)
-            idle = 0 if gained or self.best is None else idle + 1
+            short = stop - now < _LEAST_ROUND * (deadline - begin)
+            idle = 0 if gained or short or self._unjoined() or self.best is None else idle + 1
             if progress is not None:
                 share = (time.monotonic() - begin) / max(deadline - begin, 1e-9)
                 progress(min(share, 1.0), self._remark())
         self._spent += time.monotonic() - begin
+
+    def _unjoined(self) -> bool:
+        """Returns whether valid states see notably more than those that the start is known to reach."""
+        if not len(self.reached):
+            return True
+        missing = float(self.weights[(self.survey.counts > 0) & ~self.reached].sum())
+        return missing > _NOTABLE * float(self.weights.sum())
+
+    def look(self, deadline: float, progress: Progress | None = None) -> None:
+        """Finds what can be seen until a time by time.monotonic(), without a path; `reached` says what."""
+        begin, size = time.monotonic(), _FIRST_ROUND_S
+        while time.monotonic() < deadline:
+            self._explore(min(time.monotonic() + size, deadline))
+            self._rounds += 1
+            size *= _GROWTH
+            if progress is not None:
+                share = (time.monotonic() - begin) / max(deadline - begin, 1e-9)
+                progress(min(share, 1.0), self._remark())
 
     def _remark(self) -> str:
         total = float(self.weights.sum())

@@ -24,7 +24,7 @@ Make = Callable[..., Scenario]
 @pytest.fixture(scope="module")
 def mapped(write_inspection: Make, tmp_path_factory: pytest.TempPathFactory) -> tuple[PlanningSession, ReachMap]:
     session = PlanningSession(write_inspection(tmp_path_factory.mktemp("reach")))
-    return session, map_reach(session, cells=600, time_limit_s=3.0)
+    return session, map_reach(session, cells=600, time_limit_s=60.0, batches=4)
 
 
 @given(st.integers(0, 2**31), st.integers(8, 5000))
@@ -92,3 +92,17 @@ def test_too_few_cells_are_refused(make_inspection: Make, capsys: pytest.Capture
         map_reach(session, cells=2)
     assert run(["reach", str(session.scenario.path), "--out", str(tmp_path / "out"), "--cells", "2"]) == 2
     assert "--cells" in capsys.readouterr().err
+
+
+def test_surfaces_are_mapped_without_a_path(
+    make_inspection: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tdcr_planner.report.coverage_results.draw_inspection", lambda *_: [])
+    scenario = str(make_inspection(surfaces=[{"mesh": "plate.stl", "facing": [0.0, 0.0, -1.0]}]).path)
+    out = tmp_path / "out"
+    assert run(["reach", scenario, "--surfaces", "--out", str(out), "--time-limit-s", "1", "--no-progress"]) == 0
+    assert "can be seen by paths from the start" in capsys.readouterr().out
+    with (out / "coverage.csv").open() as stream:
+        states = {row["state"] for row in csv.DictReader(stream)}
+    assert states == {"could be seen", "cannot be seen"}
+    assert run(["reach", scenario, "--surfaces", "--against", scenario, "--out", str(out)]) == 2
