@@ -7,12 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tdcr_planner.cli.main import run
 from tdcr_planner.errors import InputError
-from tdcr_planner.inspection.reach import Grid, ReachMap, Verdict, map_reach
+from tdcr_planner.inspection.reach import ReachMap, Verdict, map_reach
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.report.reach_results import REACH_FILES, pair_classes
@@ -25,19 +23,6 @@ Make = Callable[..., Scenario]
 def mapped(write_inspection: Make, tmp_path_factory: pytest.TempPathFactory) -> tuple[PlanningSession, ReachMap]:
     session = PlanningSession(write_inspection(tmp_path_factory.mktemp("reach")))
     return session, map_reach(session, cells=600, time_limit_s=60.0, batches=4)
-
-
-@given(st.integers(0, 2**31), st.integers(8, 5000))
-def test_a_grid_finds_every_cell_by_its_middle(seed: int, cells: int) -> None:
-    random = np.random.default_rng(seed)
-    lower = random.uniform(-1.0, 1.0, 3)
-    grid = Grid.of(lower, lower + random.uniform(0.1, 1.0, 3), cells)
-    np.testing.assert_array_equal(grid.find(grid.centres), np.arange(grid.cells))
-    assert cells <= grid.cells
-    corner = lower + 1e-6 * grid.size
-    assert grid.find(corner[None])[0] == 0
-    assert grid.find(corner[None], 0.1 * grid.size)[0] == -1
-    assert (grid.find(np.array([lower - 1.0, [np.nan] * 3])) == -1).all()
 
 
 def test_what_is_called_attained_is_so_by_the_reference(mapped: tuple[PlanningSession, ReachMap]) -> None:
