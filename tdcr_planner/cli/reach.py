@@ -99,7 +99,8 @@ def map_surfaces(scenario: Path, out: Path, time_limit_s: float, seed: int, prog
     from tdcr_planner.cli.pictures import draw_after
     from tdcr_planner.cli.progress import CompileBar, TimeBar
     from tdcr_planner.files import check_folder
-    from tdcr_planner.inspection.inspect import check_inspects, survey_surfaces
+    from tdcr_planner.inspection.inspect import survey_surfaces
+    from tdcr_planner.inspection.scene import check_inspects
     from tdcr_planner.planning.scenario import load_scenario
     from tdcr_planner.report.coverage_files import INSPECTION_FILES, write_inspection_data
     from tdcr_planner.report.coverage_results import draw_inspection

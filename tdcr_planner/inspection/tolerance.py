@@ -10,7 +10,8 @@ from scipy.stats import binom
 
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.errors import InputError
-from tdcr_planner.inspection.inspect import Inspection, make_visibility
+from tdcr_planner.inspection.answer import Inspection
+from tdcr_planner.inspection.scene import make_visibility
 from tdcr_planner.rates import Rate, binomial_rate
 from tdcr_planner.robustness import Tolerances, draw_robot
 from tdcr_planner.session import PlanningSession
