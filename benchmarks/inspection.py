@@ -23,7 +23,8 @@ import trimesh
 from matplotlib.figure import Figure
 
 from tdcr_planner.inspection.graph import ViewGraph
-from tdcr_planner.inspection.inspect import inspect, make_search, make_visibility
+from tdcr_planner.inspection.inspect import inspect, make_search
+from tdcr_planner.inspection.scene import make_visibility
 from tdcr_planner.inspection.search import InspectionSearch
 from tdcr_planner.inspection.targets import MOST_POINTS
 from tdcr_planner.inspection.tighten import CoveragePath

@@ -176,6 +176,9 @@ def _describe_scenario(scenario: Scenario) -> str:
     if file.base.roll_deg is not None:
         lines.append("roll {:g} to {:g} degrees".format(*file.base.roll_deg))
     lines += [f"goal {index + 1}: {_describe_goal(goal)}" for index, goal in enumerate(scenario.goals)]
+    if file.inspect is not None:
+        names = ", ".join(dict.fromkeys(surface.mesh for surface in file.inspect.surfaces))
+        lines.append(f"to be seen: {names}, points {1e3 * file.inspect.spacing_m:g} mm apart")
     lines.append(
         f"{planner.name} with {planner.validity} validity, {planner.time_limit_s:g} s, "
         f"step {1e3 * planner.step_m:g} mm, clearance {1e3 * planner.clearance_m:g} mm"

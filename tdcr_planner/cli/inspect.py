@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 if TYPE_CHECKING:
-    from tdcr_planner.inspection.inspect import Inspection
+    from tdcr_planner.inspection.answer import Inspection
 
 
 def inspect(
@@ -60,8 +60,8 @@ def inspect(
     import numpy as np
 
     from tdcr_planner.inspection.camera import scenario_camera
-    from tdcr_planner.inspection.inspect import check_inspects
     from tdcr_planner.inspection.inspect import inspect as run_inspection
+    from tdcr_planner.inspection.scene import check_inspects
     from tdcr_planner.inspection.tolerance import spread_coverage
     from tdcr_planner.query.session import PlanningSession
     from tdcr_planner.report.coverage_files import INSPECTION_FILES, write_inspection_data

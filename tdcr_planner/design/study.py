@@ -110,7 +110,7 @@ class StudyFile(FileModel):
     search_s: Seconds = 10.0
     cells: Annotated[int, Field(ge=8, le=200_000)] = 2_000
     confirm: Annotated[int, Field(ge=0, le=100)] = 2
-    confirm_s: Seconds = 60.0
+    confirm_s: Seconds = 300.0
 
     @model_validator(mode="after")
     def _check_measures(self) -> StudyFile:

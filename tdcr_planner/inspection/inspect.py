@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import logging
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from tdcr_planner.arrays import BoolArray, FloatArray
-from tdcr_planner.collision.meshes import SceneMesh
-from tdcr_planner.errors import InputError
-from tdcr_planner.inspection.camera import scenario_camera
+from tdcr_planner.inspection.answer import PLANNER_NAME, Inspection, describe_coverage
 from tdcr_planner.inspection.causes import Unseen, causes
 from tdcr_planner.inspection.coverage import Coverage, Sight, look_along
+from tdcr_planner.inspection.scene import make_visibility
 from tdcr_planner.inspection.search import InspectionSearch, Progress
 from tdcr_planner.inspection.survey import Survey
-from tdcr_planner.inspection.targets import Targets, make_targets
-from tdcr_planner.inspection.visibility import Visibility
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.roadmap_build import RoadmapBuilder
 from tdcr_planner.planning.scenario import Scenario
@@ -29,8 +26,6 @@ from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.query.solved_states import SolvedStates
 from tdcr_planner.query.verification_report import VerificationReport
 
-PLANNER_NAME = "inspection"
-
 _SEARCH_SHARE = 0.8  # of the time left; verification and repair have the rest
 _REPAIR_MARGIN_M = 1e-4
 _MORE = 1.5  # times what the reference sees less is asked for more in a repair
@@ -39,49 +34,28 @@ _LEAST_REPAIR_S = 0.5
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Inspection:
-    """The answer to an inspection.
-
-    Attributes:
-        plan: The path and what the reference says of it, as `plan` answers.
-        coverage: What the path sees.
-    """
-
-    plan: PlanResult
-    coverage: Coverage
-
-    @property
-    def done(self) -> bool:
-        """Whether the path is verified and sees what was asked for."""
-        return self.plan.status is PlanStatus.VERIFIED and self.coverage.reached
+def make_search(session: PlanningSession, scenario: Scenario | None = None) -> InspectionSearch:
+    """Returns a search for a path that sees what a scenario asks for; see `make_visibility` for what it raises."""
+    query = _Query(session, scenario or session.scenario, 0.0)
+    return query.search(query.checker())
 
 
-def check_inspects(query: Scenario) -> None:
-    """Raises InputError unless a scenario says what to inspect."""
-    if query.file.inspect is None:
-        raise InputError("scenario", "one with [inspect], which says what is to be seen", str(query.path))
+def survey_surfaces(
+    session: PlanningSession, *, time_limit_s: float, load_s: float = 0.0, progress: Progress | None = None
+) -> Inspection:
+    """Returns which points can be seen by paths from the start, and why not the others, without a path for all of them.
 
-
-def make_visibility(session: PlanningSession, scenario: Scenario | None = None) -> Visibility:
-    """Returns the visibility tests of a scenario in a session's scene.
+    Args:
+        session: The scene of a scenario that says what to inspect.
+        time_limit_s: Time for looking.
+        load_s: Seconds that loading took.
+        progress: Told the share of the time that has passed and a remark.
 
     Raises:
         InputError: The scenario says nothing of what to inspect, or there is no camera.
         FormatError: A surface is unknown or empty, or its spacing makes too many points.
     """
-    query = scenario or session.scenario
-    check_inspects(query)
-    camera = scenario_camera(query)
-    targets: Targets = make_targets(query, session.meshes)
-    meshes: list[SceneMesh] = session.meshes
-    return Visibility(camera, targets, meshes, session.scene.body)
-
-
-def make_search(session: PlanningSession, scenario: Scenario | None = None) -> InspectionSearch:
-    """Returns a search for a path that sees what a scenario asks for; see `make_visibility` for what it raises."""
-    query = _Query(session, scenario or session.scenario, 0.0)
-    return query.search(query.checker())
+    return _Query(session, session.scenario, load_s).survey(time.monotonic() + time_limit_s, progress)
 
 
 def inspect(
@@ -159,6 +133,19 @@ class _Query:
                 self._learn(report, states)
                 search = self.search(self.checker(), search)
         return self._result(search, best or failed)
+
+    def survey(self, deadline: float, progress: Progress | None) -> Inspection:
+        """Looks until a time by time.monotonic() and answers without a path."""
+        checker = self.checker()
+        problem = checker.explain(self._start)
+        if problem:
+            return self._without_path(PlanStatus.INVALID_START, f"the start is not valid: {problem}")
+        search = self.search(checker)
+        search.look(deadline, progress)
+        answer = self._result(search, None)
+        share = 100.0 * answer.coverage.visible
+        message = f"{share:.1f} % of the surfaces can be seen by paths from the start; no path was asked for"
+        return replace(answer, plan=replace(answer.plan, message=message))
 
     def checker(self) -> ValidityChecker:
         """Returns the validity checker with what repairs have taught."""
@@ -282,7 +269,9 @@ class _Query:
         coverage = self._coverage(sight, reached, reasons, trace)
         status = PlanStatus.VERIFIED if report.verified else PlanStatus.UNVERIFIED
         message = (
-            _describe(coverage) if report.verified else f"the reference does not confirm the path: {report.message}"
+            describe_coverage(coverage)
+            if report.verified
+            else f"the reference does not confirm the path: {report.message}"
         )
         return Inspection(self._plan_result(status, message, (report, states), statistics), coverage)
 
@@ -312,16 +301,3 @@ class _Query:
             hashes=session.hashes(query),
             versions=library_versions(),
         )
-
-
-def _describe(coverage: Coverage) -> str:
-    """Returns what a verified path sees, as a sentence."""
-    text = (
-        f"sees {100 * coverage.of_all:.1f} % of the surfaces, {100 * coverage.of_what_can_be_seen:.1f} % of the "
-        f"{100 * coverage.visible:.1f} % that can be seen"
-    )
-    if not coverage.reached:
-        text += f"; {100 * coverage.asked:.1f} % were asked for"
-        if coverage.asked > coverage.visible:
-            text += f", and more than {100 * coverage.visible:.1f} % cannot be seen"
-    return text

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.errors import InputError
+from tdcr_planner.inspection.grid import Grid
 from tdcr_planner.planning.causes import CAUSES, Cause
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.validity import ValidityChecker, sample_within_tensions
@@ -50,51 +51,6 @@ NAMES = {
     Verdict.LIMIT: "beyond a limit of the robot",
     Verdict.OUT_OF_REACH: "out of reach",
 }
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Cubes that fill a box.
-
-    Attributes:
-        lower: Lower corner, shape (3,), m, world frame.
-        size: Edge of a cell, m.
-        shape: Number of cells along x, y and z.
-    """
-
-    lower: FloatArray
-    size: float
-    shape: tuple[int, int, int]
-
-    @classmethod
-    def of(cls, lower: FloatArray, upper: FloatArray, cells: int) -> Grid:
-        """Returns a grid over a box of about so many cells."""
-        sides = np.maximum(upper - lower, 1e-6)
-        size = float((sides.prod() / cells) ** (1.0 / 3.0))
-        counts = np.maximum(np.ceil(sides / size - 1e-9).astype(int), 1)
-        return cls(np.asarray(lower, dtype=np.float64), size, (int(counts[0]), int(counts[1]), int(counts[2])))
-
-    @property
-    def cells(self) -> int:
-        """Number of cells."""
-        return int(np.prod(self.shape))
-
-    @property
-    def centres(self) -> FloatArray:
-        """Middle of each cell, shape (cells, 3), m."""
-        places = np.stack(np.meshgrid(*(np.arange(count) for count in self.shape), indexing="ij"), axis=-1)
-        return np.asarray(self.lower + self.size * (places.reshape(-1, 3) + 0.5))
-
-    def find(self, points: FloatArray, margin: float = 0.0) -> IntArray:
-        """Returns the cell of each point, shape (n,); -1 outside, or within a margin (m) of its cell's faces."""
-        with np.errstate(invalid="ignore"):
-            scaled = (points - self.lower) / self.size
-            place = np.floor(scaled)
-            off = np.abs(scaled - place - 0.5)
-            inside = ((place >= 0) & (place < self.shape) & (off <= 0.5 - margin / self.size)).all(axis=1)
-        cells = np.full(len(points), -1)
-        cells[inside] = np.ravel_multi_index(tuple(place[inside].astype(np.int64).T), self.shape)
-        return cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +95,7 @@ def map_reach(
     cells: int = 10_000,
     grid: Grid | None = None,
     time_limit_s: float = 20.0,
+    batches: int | None = None,
     seed: int = 1,
     progress: Progress | None = None,
 ) -> ReachMap:
@@ -155,6 +112,7 @@ def map_reach(
         grid: The cells; None for a box around all tips that shapes within the limits have, cut to that
             around the scene's cavities.
         time_limit_s: Time for the search.
+        batches: Batches of states after which it ends; None for the time alone.
         seed: Of the draws.
         progress: Told the share of the time that has passed and a remark.
 
@@ -167,7 +125,7 @@ def map_reach(
     checker = session.checker()
     generator = np.random.default_rng(seed)
     search = _ReachSearch(session, checker, grid or _volume(session, checker, cells, generator), generator)
-    search.run(begin + time_limit_s, progress)
+    search.run(begin + time_limit_s, batches, progress)
     return search.confirmed(begin)
 
 
@@ -219,10 +177,13 @@ class _ReachSearch:
         self._joined: list[FloatArray] = []
         self._reach = _REACH * checker.robot.length
 
-    def run(self, deadline: float, progress: Progress | None) -> None:
-        begin, idle, roadmap_s = time.monotonic(), 0, 0.0
+    def run(self, deadline: float, batches: int | None, progress: Progress | None) -> None:
+        """Draws batches until a time by time.monotonic(), their number, or until nothing is gained for long."""
+        begin, idle, roadmap_s, done = time.monotonic(), 0, 0.0, 0
         self._add(self._start[None])
-        while time.monotonic() < deadline and idle < _IDLE:
+        self._take_reached(self._tree_rows)
+        while time.monotonic() < deadline and idle < _IDLE and (batches is None or done < batches):
+            done += 1
             known = int(self.attained.sum()) + int(self.reached.sum())
             self._add(sample_within_tensions(self._checker, _BATCH, self._generator))
             self._add(self._grown())

@@ -23,15 +23,20 @@ from tdcr_planner.planning.roadmap_build import RoadmapBuilder
 Progress = Callable[[float, str], None]
 
 _FIRST_ROUND_S = 0.6
+_SLOW_ROUND_S = 12.0  # the same for the reference, of which a batch of states takes a second
 _GROWTH = 1.7  # of a round's time over that of the one before
 # Of a round's time: roadmap, survey, joining views, tour; tightening has the rest.
 _ROADMAP, _SURVEY, _JOIN, _TOUR = 0.2, 0.2, 0.15, 0.15
+# Of the whole time: rounds; of the rest: each of the last tours, and shortening each.
+_ROUNDS, _LAST_TOURS, _LAST_TOUR, _LAST_TIGHTEN = 0.5, 2, 0.06, 0.18
 _EXPLORE = _ROADMAP + _SURVEY + _JOIN
 _DEPTH = 4  # views of each point that the tour may choose from
 _MOST_VERTICES = 6_000
 _FIRST_JOIN_S = 3.0  # for joining what is seen from no reached state, at least
 _IDLE_ROUNDS = 3  # rounds of little gain after which the search ends
 _LITTLE = 0.004
+_LEAST_ROUND = 0.04  # of the whole time: shorter rounds do not end the search
+_NOTABLE = 0.01  # share of the surfaces
 _SPARE = 1.004  # times what must be seen, up to which a path is kept while it is being shortened
 _EPS = 1e-12
 
@@ -84,6 +89,7 @@ class InspectionSearch:
     reached: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     trace: list[Milestone] = field(default_factory=list)
     _joined: list[tuple[FloatArray, BoolArray]] = field(default_factory=list)
+    _graph: ViewGraph | None = None
     _rounds: int = 0
     _spent: float = 0.0
 
@@ -93,6 +99,10 @@ class InspectionSearch:
         return self.visibility.targets.areas
 
     @property
+    def _first_round_s(self) -> float:
+        return _SLOW_ROUND_S if self.edges.checker.model.name == "reference" else _FIRST_ROUND_S
+
+    @property
     def target(self) -> float:
         """Weight that a path must see: what is wanted as far as it can be seen, and never less than the best path's."""
         reachable = float(self.weights[self.reached].sum()) if len(self.reached) else 0.0
@@ -100,21 +110,64 @@ class InspectionSearch:
         return max(min(wanted, reachable), self.covered)
 
     def run(self, deadline: float, progress: Progress | None = None) -> None:
-        """Improves the path until a time by time.monotonic(), or until rounds bring little."""
+        """Improves the path until a time by time.monotonic(), or until rounds bring little.
+
+        Rounds that explore and plan have the first part of the time; the rest shortens what they found.
+        """
         begin = time.monotonic()
-        idle, size = 0, _FIRST_ROUND_S
-        while time.monotonic() < deadline and idle < _IDLE_ROUNDS:
+        last = begin + _ROUNDS * (deadline - begin)
+        idle, size = 0, self._first_round_s
+        while time.monotonic() < last and idle < _IDLE_ROUNDS:
             known = (self.covered, self.length)
-            stop = min(time.monotonic() + size, deadline)
+            now = time.monotonic()
+            stop = min(now + size, last)
             self._round(stop, begin)
             self._rounds += 1
             size *= _GROWTH
             gained = self.covered > known[0] + _EPS or self.length < known[1] * (1.0 - _LITTLE)
-            idle = 0 if gained or self.best is None else idle + 1
+            short = stop - now < _LEAST_ROUND * (deadline - begin)
+            idle = 0 if gained or short or self._unjoined() or self.best is None else idle + 1
             if progress is not None:
                 share = (time.monotonic() - begin) / max(deadline - begin, 1e-9)
                 progress(min(share, 1.0), self._remark())
+        if self.best is not None and self._graph is not None:
+            until = deadline if idle < _IDLE_ROUNDS else min(deadline, time.monotonic() + size)
+            self._finish(self._graph, until, begin)
+            if progress is not None:
+                progress(1.0, self._remark())
         self._spent += time.monotonic() - begin
+
+    def _finish(self, graph: ViewGraph, deadline: float, begin: float) -> None:
+        """Plans other tours over the last graph, shortens each for a while and the best for the rest of the time."""
+        left = deadline - time.monotonic()
+        for number in range(_LAST_TOURS):
+            generator = np.random.default_rng([self.seed, self._rounds, number])
+            rows = self._tour(graph, time.monotonic() + _LAST_TOUR * left)
+            path = CoveragePath(self.edges, self.visibility, self.weights, self.target, rows)
+            path.tighten(time.monotonic() + _LAST_TIGHTEN * left, generator)
+            self._take(path, begin)
+            self._rounds += 1
+        assert self.best is not None  # the caller has looked
+        path = CoveragePath(self.edges, self.visibility, self.weights, self.target, self.best)
+        path.tighten(deadline, np.random.default_rng([self.seed, self._rounds]), found=partial(self._take, path, begin))
+
+    def _unjoined(self) -> bool:
+        """Returns whether valid states see notably more than those that the start is known to reach."""
+        if not len(self.reached):
+            return True
+        missing = float(self.weights[(self.survey.counts > 0) & ~self.reached].sum())
+        return missing > _NOTABLE * float(self.weights.sum())
+
+    def look(self, deadline: float, progress: Progress | None = None) -> None:
+        """Finds what can be seen until a time by time.monotonic(), without a path; `reached` says what."""
+        begin, size = time.monotonic(), self._first_round_s
+        while time.monotonic() < deadline:
+            self._explore(min(time.monotonic() + size, deadline))
+            self._rounds += 1
+            size *= _GROWTH
+            if progress is not None:
+                share = (time.monotonic() - begin) / max(deadline - begin, 1e-9)
+                progress(min(share, 1.0), self._remark())
 
     def _remark(self) -> str:
         total = float(self.weights.sum())
@@ -125,7 +178,7 @@ class InspectionSearch:
 
     def _round(self, stop: float, begin: float) -> None:
         """Explores, then looks for a tour and shortens it."""
-        graph = self._explore(stop)
+        graph = self._graph = self._explore(stop)
         if not self.reached.any():
             return
         rows = self._tour(graph, time.monotonic() + _TOUR * max(stop - time.monotonic(), 0.0) / (1.0 - _EXPLORE))

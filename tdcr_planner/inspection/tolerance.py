@@ -10,7 +10,8 @@ from scipy.stats import binom
 
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.errors import InputError
-from tdcr_planner.inspection.inspect import Inspection, make_visibility
+from tdcr_planner.inspection.answer import Inspection
+from tdcr_planner.inspection.scene import make_visibility
 from tdcr_planner.query.paths import path_rows
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.query.solved_states import StateSolver

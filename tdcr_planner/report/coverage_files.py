@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from tdcr_planner.files import real_path, sha256_of_file, write_folder_whole
+from tdcr_planner.inspection.answer import Inspection
 from tdcr_planner.inspection.coverage import Coverage
-from tdcr_planner.inspection.inspect import Inspection
 from tdcr_planner.inspection.tolerance import CoverageSpread
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.results import result_content

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tdcr_planner.inspection.inspect import Inspection
+from tdcr_planner.inspection.answer import Inspection
 from tdcr_planner.report import raster
 from tdcr_planner.report.coverage_map import CLASSES, COLOURS, PaintedMesh, point_classes
 from tdcr_planner.report.coverage_picture import CoveragePicture

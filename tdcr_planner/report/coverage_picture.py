@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from tdcr_planner.arrays import IntArray
-from tdcr_planner.inspection.inspect import Inspection
+from tdcr_planner.inspection.answer import Inspection
 from tdcr_planner.report import raster
 from tdcr_planner.report.coverage_map import PaintedMesh, paint
 from tdcr_planner.report.picture import Picture, gather_picture

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from tdcr_planner.arrays import BoolArray, FloatArray
-from tdcr_planner.inspection.inspect import Inspection
+from tdcr_planner.inspection.answer import Inspection
 from tdcr_planner.report import plots, raster
 from tdcr_planner.report.coverage_map import CLASSES, COLOURS, PaintedMesh
 from tdcr_planner.report.coverage_picture import CoveragePicture

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tdcr_planner.inspection.inspect import Inspection
+from tdcr_planner.inspection.answer import Inspection
 from tdcr_planner.report.drawing import draw_pictures
 
 if TYPE_CHECKING:

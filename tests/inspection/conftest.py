@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import trimesh
 
-from tdcr_planner.inspection.inspect import make_visibility
+from tdcr_planner.inspection.scene import make_visibility
 from tdcr_planner.inspection.visibility import Visibility
 from tdcr_planner.planning.scenario import Scenario, load_scenario
 from tdcr_planner.query.session import PlanningSession

@@ -10,9 +10,11 @@ import pytest
 import trimesh
 
 from tdcr_planner.cli.main import run
+from tdcr_planner.inspection.answer import Inspection
 from tdcr_planner.inspection.causes import Unseen
 from tdcr_planner.inspection.coverage import look_along
-from tdcr_planner.inspection.inspect import Inspection, inspect, make_visibility
+from tdcr_planner.inspection.inspect import inspect
+from tdcr_planner.inspection.scene import make_visibility
 from tdcr_planner.planning.scenario import Scenario, load_scenario
 from tdcr_planner.query.result import PlanStatus
 from tdcr_planner.query.session import PlanningSession, verify

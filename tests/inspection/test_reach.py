@@ -7,12 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tdcr_planner.cli.main import run
 from tdcr_planner.errors import InputError
-from tdcr_planner.inspection.reach import Grid, ReachMap, Verdict, map_reach
+from tdcr_planner.inspection.reach import ReachMap, Verdict, map_reach
 from tdcr_planner.planning.edges import EdgeChecker
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.query.session import PlanningSession
@@ -24,20 +22,7 @@ Make = Callable[..., Scenario]
 @pytest.fixture(scope="module")
 def mapped(write_inspection: Make, tmp_path_factory: pytest.TempPathFactory) -> tuple[PlanningSession, ReachMap]:
     session = PlanningSession(write_inspection(tmp_path_factory.mktemp("reach")))
-    return session, map_reach(session, cells=600, time_limit_s=3.0)
-
-
-@given(st.integers(0, 2**31), st.integers(8, 5000))
-def test_a_grid_finds_every_cell_by_its_middle(seed: int, cells: int) -> None:
-    random = np.random.default_rng(seed)
-    lower = random.uniform(-1.0, 1.0, 3)
-    grid = Grid.of(lower, lower + random.uniform(0.1, 1.0, 3), cells)
-    np.testing.assert_array_equal(grid.find(grid.centres), np.arange(grid.cells))
-    assert cells <= grid.cells
-    corner = lower + 1e-6 * grid.size
-    assert grid.find(corner[None])[0] == 0
-    assert grid.find(corner[None], 0.1 * grid.size)[0] == -1
-    assert (grid.find(np.array([lower - 1.0, [np.nan] * 3])) == -1).all()
+    return session, map_reach(session, cells=600, time_limit_s=60.0, batches=4)
 
 
 def test_what_is_called_attained_is_so_by_the_reference(mapped: tuple[PlanningSession, ReachMap]) -> None:
@@ -92,3 +77,17 @@ def test_too_few_cells_are_refused(make_inspection: Make, capsys: pytest.Capture
         map_reach(session, cells=2)
     assert run(["reach", str(session.scenario.path), "--out", str(tmp_path / "out"), "--cells", "2"]) == 2
     assert "--cells" in capsys.readouterr().err
+
+
+def test_surfaces_are_mapped_without_a_path(
+    make_inspection: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tdcr_planner.report.coverage_results.draw_inspection", lambda *_: [])
+    scenario = str(make_inspection(surfaces=[{"mesh": "plate.stl", "facing": [0.0, 0.0, -1.0]}]).path)
+    out = tmp_path / "out"
+    assert run(["reach", scenario, "--surfaces", "--out", str(out), "--time-limit-s", "1", "--no-progress"]) == 0
+    assert "can be seen by paths from the start" in capsys.readouterr().out
+    with (out / "coverage.csv").open() as stream:
+        states = {row["state"] for row in csv.DictReader(stream)}
+    assert states == {"could be seen", "cannot be seen"}
+    assert run(["reach", scenario, "--surfaces", "--against", scenario, "--out", str(out)]) == 2

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdcr_planner.inspection.inspect import Inspection, inspect
+from tdcr_planner.inspection.answer import Inspection
+from tdcr_planner.inspection.inspect import inspect
 from tdcr_planner.inspection.tolerance import CoverageSpread, spread_coverage
 from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.query.session import PlanningSession
