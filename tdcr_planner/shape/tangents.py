@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from tdcr_planner.arrays import FloatArray
 
@@ -24,6 +23,9 @@ def rotations_along(arc_lengths: FloatArray, positions: FloatArray) -> FloatArra
     Returns:
         Shape (n, d, 3, 3); NaN where positions are.
     """
+    # Imported where it is needed: every model file leads here, few need it.
+    from scipy.interpolate import CubicSpline
+
     count, disks = positions.shape[:2]
     rotations = np.full((count, disks, 3, 3), np.nan)
     known = np.isfinite(positions).all(axis=(1, 2))
