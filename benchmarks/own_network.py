@@ -31,7 +31,7 @@ from tdcr_planner.learning.state_margin import measure_coverage
 from tdcr_planner.planning.scenario import Scenario, load_scenario
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.robot import load_robot
-from tdcr_planner.shape.learned import LearnedShape, load_shape_model
+from tdcr_planner.shape.learned import load_shape_model
 from tdcr_planner.shape.script_archive import check_script
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -126,18 +126,14 @@ def run_engines(states: int) -> None:
         scenario = load_scenario(ROOT / f"scenes/{name}.toml")
         session = PlanningSession(scenario)
         rows, _ = sample_configurations(session.space, each, 5)
-        model = session.model("learned")
-        assert isinstance(model, LearnedShape)
         spent, codes = {}, {}
         for engine in ("compiled", "torchscript"):
-            model.use(engine=engine)
-            checker = session.checker()
+            checker = session.checker(scenario.with_planner(shape_engine=engine))
             checker.check(rows[:BATCH])
             begin = time.process_time()
             codes[engine] = np.concatenate([checker.check(rows[at : at + BATCH]) for at in range(0, each, BATCH)])
             spent[engine] = time.process_time() - begin
         differing = np.flatnonzero((codes["compiled"] == 0) != (codes["torchscript"] == 0))
-        model.use(engine="compiled")
         far = sum(not _near_limit(session, row) for row in rows[differing])
         total, near, wrong = total + each, near + len(differing) - far, wrong + far
         rates = {engine: each / seconds for engine, seconds in spent.items()}

@@ -21,6 +21,7 @@ FLOOR_M = 1e-6
 """Smallest scale: three times the rounding of the compiled integration (docs/learning.md)."""
 DECILES = 10
 
+_BEYOND = 3.0  # times the largest bound of the calibration: corners of the domain are rarely drawn
 _SPARE = 1.3  # cases beyond the fewest that a bound takes, so that not the very largest score decides
 
 Scales = Callable[[Cases], FloatArray]
@@ -82,8 +83,8 @@ def calibrate_state_margin(
     """Returns the bound that follows the state and holds for each of several samples by itself.
 
     The score of a case is its largest error over the disks, each divided by the state's scale at that disk (Lei et al.
-    2018, sec. 5.2) and by the 99th percentile of that ratio. A state whose bound would be above that of every
-    calibration case is none that the model answers for.
+    2018, sec. 5.2) and by the 99th percentile of that ratio. A state whose bound would be above three times
+    that of every calibration case is none that the model answers for.
 
     Args:
         scales: The scale of a case.
@@ -99,7 +100,7 @@ def calibrate_state_margin(
         own.append(scale[known])
     factor = np.max(factors, axis=0)
     bounds = np.concatenate(own) * factor
-    ceiling = bounds.max(axis=0)
+    ceiling = _BEYOND * bounds.max(axis=0)
     tip = bounds[:, -1]
     return StateMargin(
         alpha=alpha,

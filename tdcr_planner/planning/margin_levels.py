@@ -12,7 +12,7 @@ from tdcr_planner.arrays import FloatArray
 Levels = NDArray[np.int8]
 
 # Parts of the largest bound; a state keeps the smallest that covers its own bound at every disk.
-FRACTIONS = np.array([0.0, 0.01, 0.03, 0.06, 0.125, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0])
+FRACTIONS = np.array([0.0, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1, 0.125, 0.15, 0.18, 0.22, 0.27, 0.33, 0.4, 0.5, 0.7, 1.0])
 _LEAST_M = 1e-5  # the lowest level's bound at every disk
 _ROUNDING = 1e-12
 

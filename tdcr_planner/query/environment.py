@@ -53,6 +53,7 @@ class Environment:
         self.roadmap: Roadmap | None = None
         self._models: dict[str, ShapeModel] = {}
         self._warm: set[str] = set()
+        self._chosen = _engine_of(scenario)
         self._check_loads()
         self.warm_up(scenario)
 
@@ -102,11 +103,16 @@ class Environment:
             kind, file = SHAPE_MODELS.find(validity), self.scenario.shape_model_path
             if kind.needs_file and file is None:
                 raise InputError("validity", "a scenario that names a shape_model", repr(validity))
-            model, settings = kind.load(self.scenario.robot, file), self.scenario.planner
+            self._models[validity] = kind.load(self.scenario.robot, file)
             if kind.needs_file:
-                model.use(engine=settings.shape_engine, device=settings.shape_device, bound=settings.error_bound)
-            self._models[validity] = model
+                self._choose(self._models[validity], self.scenario)
         return self._models[validity]
+
+    def _choose(self, model: ShapeModel, query: Scenario) -> None:
+        """Lets a model of a file be evaluated, and state its bound, as a query says."""
+        settings = query.planner
+        model.use(engine=settings.shape_engine, device=settings.shape_device, bound=settings.error_bound)
+        self._chosen = _engine_of(query)
 
     def use_model(self, name: str, model: ShapeModel) -> None:
         """Answers queries that ask the shape model of a name with a given one."""
@@ -121,6 +127,8 @@ class Environment:
         """
         query = scenario or self.scenario
         model = self.model(query.planner.validity)
+        if _engine_of(query) != self._chosen and SHAPE_MODELS.find(query.planner.validity).needs_file:
+            self._choose(model, query)
         margins = planning_margins(query, model) + extra_margin
         base = np.maximum(margins - model.error_bound, 0.0)
         return ValidityChecker(self.space, model, self.scene.with_margins(margins), base_margins=base)
@@ -211,3 +219,8 @@ class Environment:
         if problems:
             raise InputError("scenario", "one in the session's scene", f"{query.path}, which differs: {problems[0]}")
         return query
+
+
+def _engine_of(query: Scenario) -> tuple[str | None, str, str]:
+    """Returns what a query says of the evaluation of a model file."""
+    return query.planner.shape_engine, query.planner.shape_device, query.planner.error_bound

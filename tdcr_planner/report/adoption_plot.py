@@ -23,8 +23,9 @@ def draw_adoption(adopted: Adopted, path: Path) -> None:
     bound = np.maximum(1e3 * adopted.bounds, _SMALLEST_MM)
     plane = card.robot.bending_from_tensions(cases.tensions)[:, 0]
     with plot_style():
-        figure = new_figure(1350, 420)
-        over_plane, by_use, by_bound = figure.subplots(1, 3)
+        figure = new_figure(1500, 460)
+        figure.set_layout_engine("constrained")
+        over_plane, by_use, by_bound = figure.subplots(1, 3, width_ratios=[1.25, 1.0, 1.0])
         drawn = over_plane.scatter(plane[:, 0], plane[:, 1], c=np.log10(tip), s=5, cmap="viridis", linewidths=0)
         over_plane.set_aspect("equal")
         over_plane.set_xlabel("bending of the first segment, x, N")
@@ -54,7 +55,6 @@ def draw_adoption(adopted: Adopted, path: Path) -> None:
         by_bound.set_xlabel("bound in that state at the tip, mm")
         by_bound.set_ylabel("error at the tip, mm")
         by_bound.legend()
-        figure.tight_layout()
         save_figure(figure, path)
 
 

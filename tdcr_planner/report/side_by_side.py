@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tdcr_planner.rates import Rate
 
 PLOT = "error_against_time.png"
-_SMALLEST_MM = 1e-9  # drawn; the reference's own error is none
+_SMALLEST_MM = 1e-6  # drawn; the reference's own error is none
 
 
 def describe_models(found: SideBySide) -> str:
@@ -80,6 +80,7 @@ def draw_error_against_time(points: Sequence[tuple[str, float, float, float]], p
     """
     with plot_style():
         figure = new_figure(760, 520)
+        figure.set_layout_engine("constrained")
         axes = figure.subplots()
         colours = [colour for name, colour in PALETTE.items() if name != "black"]
         for number, (name, micro, median, high) in enumerate(points):
@@ -91,7 +92,6 @@ def draw_error_against_time(points: Sequence[tuple[str, float, float, float]], p
         axes.set_xlabel("time a shape, us")
         axes.set_ylabel("error, mm: median (dot) to 99 % (bar)")
         axes.legend(fontsize="small")
-        figure.tight_layout()
         save_figure(figure, path)
 
 

@@ -83,7 +83,7 @@ class StateMargin(FileModel):
         cases: Calibration cases of each sample.
         floor_m: Smallest scale: the rounding of the integration.
         factor: Of each disk.
-        ceiling_m: Of each disk: the largest bound among the calibration cases.
+        ceiling_m: Of each disk: three times the largest bound among the calibration cases.
         tip_m: Median and largest bound at the tip on the calibration cases.
     """
 

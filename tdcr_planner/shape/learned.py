@@ -185,7 +185,7 @@ class LearnedShape(ShapeModel):
         if answer.scale is None or margin is None or not self.bound_follows_state:
             return poses, self.error_bound
         own = (answer.scale + margin.floor_m) * (np.asarray(margin.factor) * self._growth)
-        # Beyond the largest bound that was seen, or where mechanics give no shape, nothing is known of the error.
+        # Far beyond the largest bound that was seen, or where mechanics give no shape, nothing is known of the error.
         known = np.asarray((own <= self.error_bound).all(axis=1))
         solved = np.asarray(poses.solved & known)
         return DiskPoses(poses.positions, poses.rotations, solved), np.fmin(own, self.error_bound)

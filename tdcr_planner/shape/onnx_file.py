@@ -7,6 +7,7 @@ from typing import Any
 
 from tdcr_planner.errors import FormatError, MissingLibraryError
 from tdcr_planner.inputs import open_file
+from tdcr_planner.shape.memory_guard import bounded_memory
 from tdcr_planner.shape.script_archive import MOST_BYTES
 from tdcr_planner.shape.script_rules import names_in
 
@@ -73,7 +74,9 @@ def onnx_session(path: Path, content: bytes) -> Any:
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
     try:
-        return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        # It computes constants already.
+        with bounded_memory():
+            return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime has errors of its own
         raise FormatError(path, f"onnxruntime does not take it: {str(error)[:200]}") from error
 

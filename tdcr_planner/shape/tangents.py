@@ -23,6 +23,7 @@ def rotations_along(arc_lengths: FloatArray, positions: FloatArray) -> FloatArra
     Returns:
         Shape (n, d, 3, 3); NaN where positions are.
     """
+    # Imported where it is needed: every model file leads here, few need it.
     from scipy.interpolate import CubicSpline
 
     count, disks = positions.shape[:2]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -146,3 +147,18 @@ def with_a_tenth_of_the_bound(build):
         self.error_bound = 0.1 * self.error_bound
 
     return init
+
+
+def test_evaluate_command_sets_several_models_side_by_side(root, tmp_path, capsys):
+    files = tuple(root / f"models/shape/paper/{name}.pt" for name in ("model", "published"))
+    out = tmp_path / "out"
+    assert evaluate(files, samples=60, out=out) == 0
+    shown = capsys.readouterr().out
+    assert "| model | robot | median mm |" in shown
+    assert "Bound by state, planner cases" in shown
+    assert {path.name for path in out.iterdir()} == {"evaluation.json", "evaluation.md", "error_against_time.png"}
+    models = json.loads((out / "evaluation.json").read_text())["models"]
+    assert [Path(model["model"]).name for model in models] == ["model.pt", "published.pt"]
+    assert len(models[1]["margin"]["planner"]["deciles"]) == 10
+    with pytest.raises(InputError, match="a model file or more"):
+        evaluate(())

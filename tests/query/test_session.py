@@ -177,3 +177,18 @@ def test_one_short_build_serves_the_scenarios_of_the_duct() -> None:
         result = session.plan(load_scenario(folder / f"scenario_{name}.toml"))
         assert result.status is PlanStatus.VERIFIED, name
         assert result.planner["roadmap"]["answered"], name
+
+
+def test_a_query_chooses_the_engine_and_the_bound_of_the_model_file(make_scenario, root):
+    model_file = str(root / "models/shape/paper/published.pt")
+    scenario = make_scenario(shape_model=model_file, planner={"validity": "learned", "error_bound": "uniform"})
+    session = PlanningSession(scenario)
+    model = session.model("learned")
+    assert not model.bound_follows_state
+    by_state = session.checker(scenario.with_planner(error_bound="state"))
+    assert model.bound_follows_state
+    # What the uniform bound of 3.05 mm keeps, states keep by themselves: their own bound, and less.
+    shapes = by_state.shapes(np.zeros((1, session.space.dimension)))
+    assert by_state.scene_for(shapes).body.margins[-1] < session.checker().scene.body.margins[-1]
+    with pytest.raises(InputError, match="torchscript"):
+        session.checker(scenario.with_planner(shape_engine="onnx"))

@@ -327,3 +327,55 @@ def test_card_describes_itself(model):
     text = model.card.describe()
     for words in ("domain", "gravity to 10 m/s^2", "error bound", "torch", model.card.robot.name):
         assert words in text
+
+
+@pytest.mark.parametrize("name", ["inspection", "two_segment"])
+def test_both_engines_of_an_own_model_answer_the_same(name: str, root: Path) -> None:
+    model = load_shape_model(root / f"models/shape/{name}/model.pt")
+    assert model.engine == "compiled"
+    generator = np.random.default_rng(4)
+    tensions = generator.uniform(0.0, model.card.domain.max_tension_n, (20, model.robot.tendon_count))
+    gravity = np.tile([0.0, 5.0, -8.0], (20, 1))
+    first = model.answer(tensions, gravity, np.zeros((20, 3)))
+    model.use(engine="torchscript")
+    second = model.answer(tensions, gravity, np.zeros((20, 3)))
+    # docs/learning.md: compiled code and TorchScript agree within 1e-7 m.
+    np.testing.assert_allclose(second.positions, first.positions, atol=1e-7)
+    np.testing.assert_allclose(second.rotations, first.rotations, atol=1e-5)
+    np.testing.assert_allclose(second.residual, first.residual, atol=1e-7)
+
+
+def test_engines_and_devices_that_are_not_there_are_refused(root: Path) -> None:
+    path = root / "models/shape/paper/model.pt"
+    with pytest.raises(InputError, match="compiled, torchscript"):
+        load_shape_model(path, engine="onnx")
+    with pytest.raises(InputError, match="torchscript"):
+        load_shape_model(path, device="cuda")
+    import torch
+
+    if not torch.cuda.is_available():
+        with pytest.raises(InputError, match="no GPU"):
+            load_shape_model(path, engine="torchscript", device="cuda")
+
+
+def test_the_published_network_states_a_bound_by_state_or_the_same_everywhere(root: Path) -> None:
+    path = root / "models/shape/paper/published.pt"
+    by_state, uniform = load_shape_model(path), load_shape_model(path, bound="uniform")
+    tensions = np.random.default_rng(6).uniform(0.0, 2.0, (30, 3))
+    none = np.zeros((30, 3))
+    poses, bounds = by_state.poses_and_bounds(tensions, none, none)
+    assert bounds.shape == (30, 21)
+    assert (bounds <= by_state.error_bound).all()
+    assert np.median(bounds[:, -1]) < 0.5 * uniform.error_bound[-1]
+    np.testing.assert_array_equal(by_state.error_bound_at(tensions, none, none), bounds)
+    np.testing.assert_array_equal(uniform.error_bound_at(tensions, none, none), uniform.error_bound)
+    # Without loads the scale is the error itself, and the bound covers it.
+    exact = solve_statics(by_state.robot, tensions).positions
+    assert (np.linalg.norm(poses.positions - exact, axis=2) <= bounds).all()
+
+
+def test_gravity_is_no_part_of_the_domain_of_a_weightless_robot(root: Path) -> None:
+    model = load_shape_model(root / "models/shape/paper/published.pt")
+    assert model.card.domain.gravity_m_s2 == 0.0
+    assert model.in_domain(np.ones((1, 3)), np.array([[0.0, 0.0, -9.81]]), np.zeros((1, 3))).all()
+    assert not model.in_domain(np.ones((1, 3)), np.zeros((1, 3)), np.array([[0.1, 0.0, 0.0]])).any()

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics.solver import solve_statics
+from tdcr_planner.statics.energy import stored_energy, total_potential
+from tdcr_planner.statics.sensitivity import statics_jacobian
+from tdcr_planner.statics.solver import SolverSettings, solve_statics
+from tdcr_planner.statics.tendons import tendon_lengths
 
 STRAIGHT = [{"angle_deg": angle, "radius_m": 0.008} for angle in (90.0, -30.0, 210.0)]
 HELICAL = [{"angle_deg": angle, "radius_m": 0.008, "turns": 1.2} for angle in (90.0, -30.0, 210.0)]
