@@ -30,10 +30,10 @@ def check_faults(network: ForeignNetwork, robot: RobotSpec, convention: Conventi
         InputError: It gives numbers that are not finite, other answers when it is asked again, or other answers for
             a batch than for its states one by one.
     """
-    for tensions in (np.zeros(robot.tendon_count), robot.pretensions):
-        rest = _at_rest(solved, tensions)
+    for least in (np.zeros(robot.tendon_count), robot.pretensions):
+        rest = _at_rest(solved, least)
         if not all(np.isfinite(part).all() for part in ask(network, robot, convention, rest)):
-            told = ", ".join(f"{value:g}" for value in tensions)
+            told = ", ".join(f"{value:g}" for value in least)
             raise InputError("network", "finite numbers", f"NaN or infinity for tensions of ({told}) N without loads")
     first, turns = ask(network, robot, convention, solved)
     bad = np.flatnonzero(~(np.isfinite(first).all(axis=(1, 2)) & np.isfinite(turns).all(axis=(1, 2, 3))))
