@@ -33,7 +33,7 @@ class Arc(nn.Module):
         tension = tensions.to(self.offsets.dtype)
         pull = torch.matmul(tension, self.offsets) / self.stiffness
         stretch = 1.0 - tension.sum(dim=1, keepdim=True) / self.axial
-        size = torch.sqrt((pull * pull).sum(dim=1, keepdim=True) + 1e-16)
+        size = torch.sqrt((pull * pull).sum(dim=1, keepdim=True)).clamp(min=1e-6)
         way = pull / size
         angle = size * self.stops
         sine, cosine = torch.sin(angle), torch.cos(angle)
@@ -385,7 +385,7 @@ class RowPerPoint(nn.Module):
     def forward(self, rows: Tensor) -> Tensor:
         pull = torch.matmul(rows[:, 1:], self.arc.offsets) / self.arc.stiffness
         stretch = 1.0 - rows[:, 1:].sum(dim=1, keepdim=True) / self.arc.axial
-        size = torch.sqrt((pull * pull).sum(dim=1, keepdim=True) + 1e-16)
+        size = torch.sqrt((pull * pull).sum(dim=1, keepdim=True)).clamp(min=1e-6)
         angle = size * rows[:, :1]
         side = stretch * (1.0 - torch.cos(angle)) / size * pull / size
         ahead = stretch * torch.sin(angle) / size

@@ -7,7 +7,7 @@ import numpy as np
 from tdcr_planner.adoption.discovery import ask
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import InputError
-from tdcr_planner.learning.dataset import SolvedCases
+from tdcr_planner.learning.dataset import Cases, SolvedCases
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.convention import Convention
 from tdcr_planner.shape.foreign_network import ForeignNetwork
@@ -30,6 +30,11 @@ def check_faults(network: ForeignNetwork, robot: RobotSpec, convention: Conventi
         InputError: It gives numbers that are not finite, other answers when it is asked again, or other answers for
             a batch than for its states one by one.
     """
+    for least in (np.zeros(robot.tendon_count), robot.pretensions):
+        rest = _at_rest(solved, least)
+        if not all(np.isfinite(part).all() for part in ask(network, robot, convention, rest)):
+            told = ", ".join(f"{value:g}" for value in least)
+            raise InputError("network", "finite numbers", f"NaN or infinity for tensions of ({told}) N without loads")
     first, turns = ask(network, robot, convention, solved)
     bad = np.flatnonzero(~(np.isfinite(first).all(axis=(1, 2)) & np.isfinite(turns).all(axis=(1, 2, 3))))
     if len(bad):
@@ -60,6 +65,12 @@ def check_faults(network: ForeignNetwork, robot: RobotSpec, convention: Conventi
                 "the same answer for a state alone and in a batch; is batch normalisation in training mode?",
                 f"answers {1e3 * apart:.3g} mm apart",
             )
+
+
+def _at_rest(solved: SolvedCases, tensions: FloatArray) -> SolvedCases:
+    """Returns one case without loads, of unknown shape: there a robot starts, and there a formula may divide by 0."""
+    none = np.zeros((1, 3))
+    return SolvedCases(Cases(tensions[None], none, none), none, solved.positions[:1], solved.rotations[:1], 1)
 
 
 def _farthest(a: FloatArray, b: FloatArray) -> float:

@@ -99,6 +99,8 @@ def calibrate_state_margin(
         factors.append(conformal_bound(error[known] / scale[known], alpha))
         own.append(scale[known])
     factor = np.max(factors, axis=0)
+    # The scale estimates the error itself: less than it is not promised, whatever the calibration cases say.
+    factor = np.where(factor > 0.0, np.maximum(factor, 1.0), 0.0)
     bounds = np.concatenate(own) * factor
     ceiling = _BEYOND * bounds.max(axis=0)
     tip = bounds[:, -1]
