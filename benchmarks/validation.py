@@ -82,7 +82,7 @@ def _judge(robot: RobotSpec, nominal: Bench, train: MeasuredStates, val: Measure
     """Predicts the validation states by each model and prints how far they are off."""
     differences = _predict(robot, val) - val.positions
     _print_row("val: calibrated", differences)
-    _print_row("val: calibrated, means aligned", differences - differences.mean(axis=0))
+    _print_row("val: calibrated, means aligned", differences - np.nanmean(differences, axis=0))
     _print_row(f"val: calibrated on {FEW} states", _predict(few, val) - val.positions)
     everything = np.ones(len(train), dtype=bool)
     for name, shapes in (
@@ -98,8 +98,17 @@ def _judge(robot: RobotSpec, nominal: Bench, train: MeasuredStates, val: Measure
 
 
 def _predict(robot: RobotSpec, states: MeasuredStates) -> FloatArray:
-    first = float(states.table.numbers(["time_s"])[0, 0])
-    return Forward(states, ReferenceMechanics()).points(bench_of_robot(robot, first))
+    """Returns the reference's points; where it finds no stable shape those of the arcs, whose number is printed."""
+    bench = bench_of_robot(robot, float(states.table.numbers(["time_s"])[0, 0]))
+    points = Forward(states, ReferenceMechanics()).points(bench)
+    lost = ~np.isfinite(points).all(axis=(1, 2))
+    by_arcs = Forward(states, UnloadedMechanics()).points(bench)
+    print(f"  without a shape by the reference, predicted by arcs: {lost.sum()} of {len(states)} states")
+    if lost.any():
+        _print_row("  those states, arcs", (by_arcs - states.positions)[lost])
+        _print_row("  the other states, reference", (points - states.positions)[~lost])
+    _print_row("  all states, arcs", by_arcs - states.positions)
+    return np.where(lost[:, None, None], by_arcs, points)
 
 
 def ingredients(arguments: argparse.Namespace) -> None:

@@ -91,12 +91,12 @@ def _draw_models(axes: Axes, found: Calibration) -> None:
         ordered = np.sort(1e3 * errors[np.isfinite(errors)])
         share = np.arange(1, len(ordered) + 1) / len(ordered)
         rms = np.sqrt(np.mean(ordered**2))
-        axes.plot(ordered, 100.0 * share, color=colour, label=f"{model}: {rms:.3g} mm rms")
+        axes.plot(ordered, 100.0 * share, color=colour, label=f"{model}, {rms:.3g} mm")
     axes.set_xscale("log")
     axes.set_xlabel("error (mm)")
     axes.set_ylabel("held-out states with at most this error (%)")
     axes.set_title("Models on held-out states")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.06))
+    axes.legend(loc="upper left", title="root mean square", fontsize=8.5)
 
 
 def _draw_over_actuation(axes: Axes, found: Calibration) -> None:
