@@ -236,17 +236,35 @@ class PlannerSettings(FileModel):
 
 
 class Limits(FileModel):
-    """Rates that bound the time along a path.
+    """Rates and accelerations that bound the time along a path.
 
     Attributes:
         tension_rate_n_s: Largest rate of each tendon tension.
         insertion_speed_m_s: Largest insertion speed.
         roll_speed_deg_s: Largest roll speed.
+        tension_acceleration_n_s2: Largest second derivative of each tendon tension; None for no limit.
+        insertion_acceleration_m_s2: Largest acceleration of the insertion; None for no limit.
+        roll_acceleration_deg_s2: Largest acceleration of the roll; None for no limit.
     """
 
     tension_rate_n_s: Positive = 1.0
     insertion_speed_m_s: Positive = 0.02
     roll_speed_deg_s: Positive = 45.0
+    tension_acceleration_n_s2: Positive | None = None
+    insertion_acceleration_m_s2: Positive | None = None
+    roll_acceleration_deg_s2: Positive | None = None
+
+    @property
+    def accelerations(self) -> bool:
+        """Whether any acceleration is limited, so that the speed along a path may not jump."""
+        return any(
+            value is not None
+            for value in (
+                self.tension_acceleration_n_s2,
+                self.insertion_acceleration_m_s2,
+                self.roll_acceleration_deg_s2,
+            )
+        )
 
 
 class ScenarioFile(FileModel):
