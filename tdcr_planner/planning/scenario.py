@@ -36,6 +36,7 @@ from tdcr_planner.planning.surfaces import (
     check_one_of,
     place_names,
 )
+from tdcr_planner.planning.tolerance_table import ToleranceTable
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
 from tdcr_planner.shape.registry import SHAPE_MODELS
@@ -220,6 +221,8 @@ class PlannerSettings(FileModel):
         validity: The shape model that the search asks, by its name in `shape.registry`.
         parameters: The planner's own parameters by name.
         objective: What an optimising planner minimises.
+        success_probability: Probability with which the path is to be verified on a robot within the scenario's
+            tolerances; None to plan for the robot as its file has it.
     """
 
     name: str = "RRTConnect"
@@ -233,6 +236,7 @@ class PlannerSettings(FileModel):
     error_bound: Literal["state", "uniform"] = "state"
     parameters: dict[str, str | float | int | bool] = {}
     objective: Objective = Objective()
+    success_probability: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
 
 
 class Limits(FileModel):
@@ -286,6 +290,7 @@ class ScenarioFile(FileModel):
     planner: PlannerSettings = PlannerSettings()
     limits: Limits = Limits()
     inspect: InspectTable | None = None
+    tolerances: ToleranceTable | None = None
     expected_status: Literal["verified", "unverified", "no_path", "invalid_start", "invalid_goal"] = "verified"
     title: str = ""
 
