@@ -4,61 +4,21 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.errors import InputError
-from tdcr_planner.planning.scenario import Scenario
-from tdcr_planner.planning.spaces import Actuation, ConfigurationSpace
+from tdcr_planner.query.drawn_robot import DrawnRobot, draw_robot
 from tdcr_planner.query.paths import path_rows
 from tdcr_planner.query.result import PlanResult
 from tdcr_planner.query.session import PlanningSession
-from tdcr_planner.query.verification import Verifier
+from tdcr_planner.query.tolerances import Tolerances, tolerances_of
 from tdcr_planner.rates import Rate, binomial_rate
 from tdcr_planner.robot import refuse_unknown
 
 Progress = Callable[[int, int, str], None]
-
-
-@dataclass(frozen=True)
-class Tolerances:
-    """Standard deviations of what differs from robot to robot and stays the same along a path.
-
-    Factors are log-normal, the rest is normal. The defaults are of the size found on laboratory robots and no
-    substitute for one's own.
-
-    Attributes:
-        youngs_modulus: Of the backbone's Young's modulus, relative.
-        tension: Of each tendon's gain from commanded to real tension, relative.
-        mass: Of backbone density, disk masses and payload, relative, one factor for all.
-        base_position_m: Of the base's position, each axis.
-        base_angle_deg: Of the base's orientation, about each axis.
-    """
-
-    youngs_modulus: float = 0.05
-    tension: float = 0.02
-    mass: float = 0.02
-    base_position_m: float = 0.0005
-    base_angle_deg: float = 0.2
-
-    def __post_init__(self) -> None:
-        for name, value in self.items():
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(name, "a finite number of 0 or more", value)
-        for name in ("youngs_modulus", "tension", "mass"):
-            if getattr(self, name) >= 1.0:
-                raise InputError(name, "a relative deviation below 1 (0.05 is 5 %)", getattr(self, name))
-
-    def items(self) -> list[tuple[str, float]]:
-        """Returns names and values."""
-        return [(item.name, getattr(self, item.name)) for item in fields(self)]
-
-    def only(self, name: str) -> Tolerances:
-        """Returns these tolerances with all but one set to zero."""
-        return Tolerances(**{other: value if other == name else 0.0 for other, value in self.items()})
 
 
 @dataclass(frozen=True)
@@ -138,12 +98,12 @@ def assess_robustness(
 ) -> Robustness:
     """Sends a result's path, tensions as planned, through robots that differ from the file, by the Cosserat reference.
 
-    Each drawn robot has its own modulus, masses, tendon gains and base pose, and keeps them along the path: these are
+    Each drawn robot has its own modulus, masses, gains, sizes and base pose, and keeps them along the path: these are
     errors of manufacture and mounting, not noise. What it is commanded stays as planned.
 
     Args:
         result: A result with a path.
-        tolerances: What to vary and how far; the defaults if None.
+        tolerances: What to vary and how far; those of the scenario, or else the defaults, if None.
         samples: Robots to draw; as many again for each tolerance by itself.
         seed: Of the draws.
         progress: Told robots done, robots in all and a remark.
@@ -156,16 +116,16 @@ def assess_robustness(
     if samples < 1:
         raise InputError("samples", "1 or more", samples)
     refuse_unknown(result.scenario.robot, (), "the robustness analysis")
-    tolerances = tolerances or Tolerances()
+    tolerances = tolerances_of(result.scenario) if tolerances is None else tolerances.check_fit(result.scenario.robot)
     assessment = _Assessment(result)
-    alone = [name for name, value in tolerances.items() if value > 0.0]
+    alone = tolerances.varied()
     total = samples * (1 + len(alone))
     outcomes: list[tuple[bool, str]] = []
     spreads: list[Spread] = []
     for number, varied in enumerate([tolerances, *(tolerances.only(name) for name in alone)]):
         states = []
         for sample in range(samples):
-            drawn = draw_robot(result.scenario, varied, np.random.default_rng([seed, number, sample]))
+            drawn = draw_robot(assessment.session, varied, (seed, number, sample))
             states.append(assessment.states(drawn))
             if number == 0:
                 outcomes.append(assessment.verdict(drawn))
@@ -185,62 +145,28 @@ def assess_robustness(
     )
 
 
-class _DrawnRobot(ConfigurationSpace):
-    """A scenario's configurations as one drawn robot carries them out: its own base, robot and tendon gains."""
-
-    def __init__(self, scenario: Scenario, gains: FloatArray) -> None:
-        super().__init__(scenario)
-        self._gains = gains
-
-    def actuate(self, rows: FloatArray) -> Actuation:
-        commanded = super().actuate(rows)
-        return replace(commanded, tensions=commanded.tensions * self._gains)
-
-
 class _Assessment:
     """A result's path and scene, asked about one drawn robot after the other."""
 
     def __init__(self, result: PlanResult) -> None:
         assert result.path is not None  # the caller has checked
         query = result.scenario
-        session = PlanningSession(query)
-        self._scene, self._query = session.scene, query
+        self.session = session = PlanningSession(query)
+        self._query = query
         self._rows = path_rows(session.space, result.path)
         self._goals = [(state, query.goals[number]) for state, number in result.path.goal_states]
-        _, nominal = self._verifier(session.space).judge_each(self._rows)
+        _, nominal = session.verifier(query).judge_each(self._rows)
         self.nominal_clearance = nominal.clearance
         self._nominal_tips = nominal.positions[:, -1]
 
-    def _verifier(self, space: ConfigurationSpace) -> Verifier:
-        settings = self._query.planner
-        return Verifier(space, self._scene, step=settings.step_m, clearance=self._query.required_clearance)
-
-    def states(self, drawn: ConfigurationSpace) -> tuple[FloatArray, FloatArray]:
+    def states(self, drawn: DrawnRobot) -> tuple[FloatArray, FloatArray]:
         """Returns clearance and tip shift of the path's states, shape (k,) each, m; NaN without a stable shape."""
-        _, states = self._verifier(drawn).judge_each(self._rows)
+        _, states = drawn.verifier(self.session, self._query).judge_each(self._rows)
         shift = np.linalg.norm(states.positions[:, -1] - self._nominal_tips, axis=1)
         keeps = states.converged & states.stable
         return np.where(keeps, states.clearance, np.nan), np.where(keeps, shift, np.nan)
 
-    def verdict(self, drawn: ConfigurationSpace) -> tuple[bool, str]:
+    def verdict(self, drawn: DrawnRobot) -> tuple[bool, str]:
         """Returns whether the whole path is verified on a drawn robot, and the cause when it is not."""
-        report, _ = self._verifier(drawn).verify(self._rows, self._goals)
+        report, _ = drawn.verifier(self.session, self._query).verify(self._rows, self._goals)
         return report.verified, report.cause
-
-
-def draw_robot(scenario: Scenario, tolerances: Tolerances, generator: np.random.Generator) -> ConfigurationSpace:
-    """Returns the configurations of one robot within the tolerances, mounted within the tolerances."""
-    base = scenario.file.base
-    stiffness = float(np.exp(tolerances.youngs_modulus * generator.standard_normal()))
-    mass = float(np.exp(tolerances.mass * generator.standard_normal()))
-    gains = np.exp(tolerances.tension * generator.standard_normal(scenario.robot.tendon_count))
-    position = scenario.base_position + tolerances.base_position_m * generator.standard_normal(3)
-    tilt = Rotation.from_rotvec(np.deg2rad(tolerances.base_angle_deg) * generator.standard_normal(3))
-    x, y, z, w = (Rotation.from_matrix(scenario.base_rotation) * tilt).as_quat()
-    moved = base.model_copy(
-        update={"position_m": tuple(position), "quaternion_wxyz": (w, x, y, z), "look_along": None, "up": None}
-    )
-    file = scenario.file.model_copy(update={"base": moved})
-    # The limits bind the commands, whatever tensions come of them.
-    robot = scenario.robot.scaled(stiffness=stiffness, mass=mass).with_tension_limits_times(max(gains.max(), 1.0))
-    return _DrawnRobot(replace(scenario, file=file, robot=robot), gains)

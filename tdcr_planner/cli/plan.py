@@ -21,6 +21,7 @@ def plan(
     validity: str | None = None,
     shape_engine: Literal["compiled", "torchscript", "onnx"] | None = None,
     time_limit_s: float | None = None,
+    success_probability: float | None = None,
     roadmap: Path | None = None,
     progress: bool = True,
 ) -> int:
@@ -28,7 +29,8 @@ def plan(
 
     Example: tdcr plan scenes/duct/scenario_elbow.toml --out out/elbow
 
-    Exit code 0 for a verified path, 1 without one; the status says why.
+    Exit code 0 for a verified path, 1 without one; the status says why. With a success probability, 0 only if fresh
+    robots within the scenario's tolerances show it.
 
     Writes result.json, trajectory.csv and shapes.npz into the output folder, all or nothing, then path.png and
     path.html. A picture that cannot be drawn is a warning.
@@ -42,6 +44,8 @@ def plan(
             constant_curvature or one of an installed package.
         shape_engine: What evaluates the model file, in place of the scenario's.
         time_limit_s: Time for search, verification and repair in seconds, in place of the scenario's.
+        success_probability: Plan until the path is verified with this probability on robots within the scenario's
+            [tolerances], or those that `tdcr robustness` has by default.
         roadmap: Roadmap of the scene that `tdcr roadmap` wrote, asked before the planner.
         progress: Draw a progress bar while planning.
     """
@@ -59,11 +63,11 @@ def plan(
         "validity": validity,
         "shape_engine": shape_engine,
         "time_limit_s": time_limit_s,
+        "success_probability": success_probability,
     }
     changes = {key: value for key, value in given.items() if value is not None}
     query = load_scenario(scenario).with_planner(**changes)
     # Seconds to import: what is wrong with the arguments is said before.
-    from tdcr_planner.query.result import PlanStatus
     from tdcr_planner.query.session import PlanningSession
     from tdcr_planner.report.results import RESULT_FILES, draw_result, write_result_data
 
@@ -83,7 +87,7 @@ def plan(
     print(f"files:     {out}/{' '.join(['result.json', 'trajectory.csv', *drawn, 'shapes.npz'])}")
     if result.path is None:
         print("           (no path: trajectory.csv and shapes.npz are empty)")
-    return 0 if result.status is PlanStatus.VERIFIED else 1
+    return 0 if result.holds else 1
 
 
 def _without_mechanics(session: PlanningSession, result: PlanResult) -> str:

@@ -12,11 +12,12 @@ from tdcr_planner.arrays import BoolArray, FloatArray
 from tdcr_planner.errors import InputError
 from tdcr_planner.inspection.answer import Inspection
 from tdcr_planner.inspection.scene import make_visibility
+from tdcr_planner.query.drawn_robot import draw_robot
 from tdcr_planner.query.paths import path_rows
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.query.solved_states import StateSolver
+from tdcr_planner.query.tolerances import Tolerances
 from tdcr_planner.rates import Rate, binomial_rate
-from tdcr_planner.robustness import Tolerances, draw_robot
 
 Progress = Callable[[int, int, str], None]
 
@@ -97,7 +98,7 @@ def spread_coverage(
     rows = path_rows(session.space, found.plan.path)
     seen = np.zeros((samples, len(visibility.targets)), dtype=np.bool_)
     for sample in range(samples):
-        drawn = draw_robot(found.plan.scenario, tolerances, np.random.default_rng([seed, sample]))
+        drawn = draw_robot(session, tolerances, (seed, sample))
         states = StateSolver(drawn, session.scene).solve(rows)
         good = states.converged & states.stable
         if good.any():

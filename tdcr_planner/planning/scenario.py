@@ -36,6 +36,7 @@ from tdcr_planner.planning.surfaces import (
     check_one_of,
     place_names,
 )
+from tdcr_planner.planning.tolerance_table import ToleranceTable
 from tdcr_planner.robot import RobotSpec, load_robot
 from tdcr_planner.se3 import rotation_from_quaternion
 from tdcr_planner.shape.registry import SHAPE_MODELS
@@ -220,6 +221,8 @@ class PlannerSettings(FileModel):
         validity: The shape model that the search asks, by its name in `shape.registry`.
         parameters: The planner's own parameters by name.
         objective: What an optimising planner minimises.
+        success_probability: Probability with which the path is to be verified on a robot within the scenario's
+            tolerances; None to plan for the robot as its file has it.
     """
 
     name: str = "RRTConnect"
@@ -233,20 +236,39 @@ class PlannerSettings(FileModel):
     error_bound: Literal["state", "uniform"] = "state"
     parameters: dict[str, str | float | int | bool] = {}
     objective: Objective = Objective()
+    success_probability: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
 
 
 class Limits(FileModel):
-    """Rates that bound the time along a path.
+    """Rates and accelerations that bound the time along a path.
 
     Attributes:
         tension_rate_n_s: Largest rate of each tendon tension.
         insertion_speed_m_s: Largest insertion speed.
         roll_speed_deg_s: Largest roll speed.
+        tension_acceleration_n_s2: Largest second derivative of each tendon tension; None for no limit.
+        insertion_acceleration_m_s2: Largest acceleration of the insertion; None for no limit.
+        roll_acceleration_deg_s2: Largest acceleration of the roll; None for no limit.
     """
 
     tension_rate_n_s: Positive = 1.0
     insertion_speed_m_s: Positive = 0.02
     roll_speed_deg_s: Positive = 45.0
+    tension_acceleration_n_s2: Positive | None = None
+    insertion_acceleration_m_s2: Positive | None = None
+    roll_acceleration_deg_s2: Positive | None = None
+
+    @property
+    def accelerations(self) -> bool:
+        """Whether any acceleration is limited, so that the speed along a path may not jump."""
+        return any(
+            value is not None
+            for value in (
+                self.tension_acceleration_n_s2,
+                self.insertion_acceleration_m_s2,
+                self.roll_acceleration_deg_s2,
+            )
+        )
 
 
 class ScenarioFile(FileModel):
@@ -268,6 +290,7 @@ class ScenarioFile(FileModel):
     planner: PlannerSettings = PlannerSettings()
     limits: Limits = Limits()
     inspect: InspectTable | None = None
+    tolerances: ToleranceTable | None = None
     expected_status: Literal["verified", "unverified", "no_path", "invalid_start", "invalid_goal"] = "verified"
     title: str = ""
 

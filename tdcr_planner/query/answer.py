@@ -6,6 +6,7 @@ import logging
 import time
 from dataclasses import replace
 
+from tdcr_planner.arrays import FloatArray
 from tdcr_planner.planning.planner import Planner, Progress, SearchOutcome, SearchTask
 from tdcr_planner.planning.planners import find_planner
 from tdcr_planner.planning.roadmap_way import RoadmapConnector
@@ -24,13 +25,19 @@ logger = logging.getLogger(__name__)
 
 
 def answer_query(
-    environment: Environment, query: Scenario, *, load_s: float = 0.0, progress: Progress | None = None
+    environment: Environment,
+    query: Scenario,
+    *,
+    margins: FloatArray | None = None,
+    load_s: float = 0.0,
+    progress: Progress | None = None,
 ) -> PlanResult:
     """Searches a path, verifies it with the reference and repairs it within the time limit.
 
     Args:
         environment: The scene, its models and a roadmap.
         query: A scenario in the same scene.
+        margins: What each disk keeps besides in the search, shape (d,), m; None for nothing.
         load_s: Seconds that loading took, for the result's timings.
         progress: Called with the completed fraction of the time limit and a message now and then.
 
@@ -43,6 +50,8 @@ def answer_query(
     started = time.monotonic()
     deadline = started + query.planner.time_limit_s
     attempt = Attempt(query)
+    if margins is not None:
+        attempt.extra_margin = margins
     while True:
         begin = time.monotonic()
         checker = _checker(environment, attempt)

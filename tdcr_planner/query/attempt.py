@@ -30,7 +30,7 @@ class Attempt:
         states: The states that it solved.
         order: The goals' numbers in the order in which that path reaches them.
         repairs: How often verification sent the search back.
-        extra_margin: What the next search adds to every disk's margin, m.
+        extra_margin: What the next search adds to the disks' margins, one for all or shape (d,), m.
         ruled_out: Configurations near which the next search may not pass, shape (dimension,) each.
         plan_s: Time of the searches.
         verify_s: Time of the verifications.
@@ -43,7 +43,7 @@ class Attempt:
     states: SolvedStates | None = None
     order: tuple[int, ...] = ()
     repairs: int = 0
-    extra_margin: float = 0.0
+    extra_margin: float | FloatArray = 0.0
     ruled_out: list[FloatArray] = field(default_factory=list)
     plan_s: float = 0.0
     verify_s: float = 0.0
@@ -72,7 +72,7 @@ class Attempt:
         self.repairs += 1
         if self.report.cause == "clearance":
             shortfall = self.query.required_clearance - float(np.nanmin(self.report.clearance))
-            self.extra_margin += max(shortfall, 0.0) + REPAIR_MARGIN_M
+            self.extra_margin = self.extra_margin + (max(shortfall, 0.0) + REPAIR_MARGIN_M)
         else:
             self.ruled_out.append(self.states.rows[self.report.worst_state])
 

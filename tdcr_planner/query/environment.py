@@ -118,12 +118,12 @@ class Environment:
         """Answers queries that ask the shape model of a name with a given one."""
         self._models[name] = model
 
-    def checker(self, scenario: Scenario | None = None, *, extra_margin: float = 0.0) -> ValidityChecker:
+    def checker(self, scenario: Scenario | None = None, *, extra_margin: float | FloatArray = 0.0) -> ValidityChecker:
         """Returns a validity checker for a scenario of this scene, with the margins of its model.
 
         Args:
             scenario: A scenario in the same scene; None for the session's own.
-            extra_margin: Added to every disk's margin, m.
+            extra_margin: Added to the disks' margins, one for all or shape (d,), m.
         """
         query = scenario or self.scenario
         model = self.model(query.planner.validity)

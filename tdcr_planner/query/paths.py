@@ -14,7 +14,7 @@ from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.planner import SearchOutcome
 from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
-from tdcr_planner.planning.timing import path_times
+from tdcr_planner.planning.timing import path_times, smooth_states
 from tdcr_planner.planning.validity import ValidityChecker
 from tdcr_planner.query.solved_states import SolvedStates
 
@@ -60,7 +60,10 @@ def path_states(
     parts = [rows[:1]]
     index = [0]
     for first, second in pairwise(rows):
-        parts.append(edges.subdivide(first, second)[1:])
+        states = edges.subdivide(first, second)
+        if query.file.limits.accelerations:
+            states = smooth_states(checker.space, states)
+        parts.append(states[1:])
         index.append(index[-1] + len(parts[-1]))
     goals = [(index[place], query.goals[number]) for place, number in zip(outcome.goals, outcome.order, strict=True)]
     return np.concatenate(parts), goals

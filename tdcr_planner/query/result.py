@@ -42,6 +42,8 @@ class PlanResult:
             roadmap in use roadmap: vertices, edges, answered (whether the path came from it) and reason (why not).
         hashes: SHA-256 of scenario, robot mechanics, geometry as read and shape model.
         versions: Versions of the libraries involved.
+        risk: With a success probability in the scenario, what is known of it: asked, reached, verified (count, total,
+            value, low, high of fresh robots), limiting_tolerance and more; else None.
     """
 
     status: PlanStatus
@@ -55,6 +57,14 @@ class PlanResult:
     planner: dict[str, Any] = field(default_factory=dict)
     hashes: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
+    risk: dict[str, Any] | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether the path is verified and holds with the success probability, if one is asked for."""
+        if self.status is not PlanStatus.VERIFIED:
+            return False
+        return self.scenario.planner.success_probability is None or (self.risk is not None and self.risk["reached"])
 
     def __repr__(self) -> str:
         """Returns how the query ended and what the reference says; scenario and path are too long to read."""

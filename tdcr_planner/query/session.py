@@ -11,6 +11,7 @@ from tdcr_planner.query.answer import answer_query
 from tdcr_planner.query.environment import Environment
 from tdcr_planner.query.paths import path_rows
 from tdcr_planner.query.result import PlanResult
+from tdcr_planner.query.risk import answer_with_risk
 from tdcr_planner.query.verification_report import VerificationReport
 
 
@@ -35,7 +36,9 @@ class PlanningSession(Environment):
         Raises:
             InputError: The scenario is of another scene, or its planner is not offered.
         """
-        return answer_query(self, self.check_same_scene(scenario or self.scenario), load_s=load_s, progress=progress)
+        query = self.check_same_scene(scenario or self.scenario)
+        answer = answer_query if query.planner.success_probability is None else answer_with_risk
+        return answer(self, query, load_s=load_s, progress=progress)
 
 
 def plan(scenario: Scenario, *, seed: int | None = None, progress: Progress | None = None) -> PlanResult:

@@ -158,6 +158,7 @@ class _ResultFile(FileModel):
     path: _PathTable | None
     verification: _VerificationTable | None
     coverage: dict[str, Any] | None = None
+    risk: dict[str, Any] | None = None
     shapes_sha256: str
 
 
@@ -261,6 +262,8 @@ def result_content(result: PlanResult, folder: Path) -> dict[str, Any]:
         if result.verification is None
         else _verification_content(result.verification, result.repairs),
     }
+    if result.risk is not None:
+        content["risk"] = result.risk
     plain = plain_json(content)
     assert isinstance(plain, dict)  # a dictionary stays one
     return plain
@@ -356,6 +359,7 @@ def read_result(path: str | Path) -> PlanResult:
         planner=planner,
         hashes=table.hashes,
         versions=table.versions,
+        risk=table.risk,
     )
 
 

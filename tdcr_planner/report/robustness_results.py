@@ -25,6 +25,16 @@ TOLERANCE_NAMES = {
     "mass": "mass",
     "base_position_m": "base position",
     "base_angle_deg": "base angle",
+    "tension_offset_n": "tension offset",
+    "displacement": "displacement",
+    "displacement_offset_m": "displacement offset",
+    "friction": "friction",
+    "length": "length",
+    "tendon_circle": "tendon circle",
+    "tendon_angle_deg": "tendon angle",
+    "mesh_position_m": "mesh position",
+    "mesh_angle_deg": "mesh angle",
+    "mesh_scale": "mesh scale",
 }
 
 
@@ -163,5 +173,7 @@ def _draw_alone(axes: Axes, found: Robustness) -> None:
 
 def _size(found: Robustness, name: str) -> str:
     value = getattr(found.tolerances, name)
-    sizes = {"base_position_m": f"{1e3 * value:g} mm", "base_angle_deg": f"{value:g}°"}
-    return sizes.get(name, f"{100.0 * value:g} %")
+    for ending, text in (("_m", f"{1e3 * value:g} mm"), ("_deg", f"{value:g}°"), ("_n", f"{value:g} N")):
+        if name.endswith(ending):
+            return text
+    return f"{100.0 * value:g} %"
