@@ -190,7 +190,7 @@ def friction_newton(
             if i < 3:
                 state.base_moment[i] = moved
             else:
-                state.tensions[i] = max(0.0, moved) if found[i - 3] > 0.0 else 0.0
+                state.tensions[i - 3] = max(0.0, moved) if found[i - 3] > 0.0 else 0.0
     stable = modes == 0
     if displaced and not stable:
         stable = modes == negative_pivots(room.compliance, room.active, room.work)
