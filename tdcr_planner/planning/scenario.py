@@ -272,11 +272,10 @@ class FrictionTable(FileModel):
     """How friction counts in verification.
 
     Attributes:
-        verify: "all" for every friction state that a state can be in, as far as they are tried; "nominal" for the one
-            history along the path from a start at rest.
+        verify: "all" for every friction state that is tried, whatever the motion before.
     """
 
-    verify: Literal["all", "nominal"] = "all"
+    verify: Literal["all"] = "all"
 
 
 class ScenarioFile(FileModel):

@@ -154,7 +154,7 @@ class ValidityChecker:
         if self._tables is not None:
             *parts, over, excessive = actuate(rows, self._tables)
             return Actuation(*parts), over, excessive
-        finite = np.isfinite(rows).all(axis=1)
+        finite: BoolArray = np.asarray(np.isfinite(rows).all(axis=1))
         actuation = self.space.actuate(np.where(finite[:, None], rows, 0.0))
         over = np.asarray(~finite | (self.space.coordinates.within(actuation.tensions) > 1.0 + ROUNDING))
         return actuation, over, int(over.sum())

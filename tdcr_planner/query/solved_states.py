@@ -12,6 +12,7 @@ from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.scene import CollisionScene
 from tdcr_planner.planning.robot_limits import RobotLimits
 from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.query.friction_states import FrictionState
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.statics.driven import driven_displacements, solve_driven
 from tdcr_planner.statics.strain import largest_bending_strain
@@ -82,15 +83,17 @@ class SolvedStates:
 class StateSolver:
     """Solves configurations with the reference and measures their shapes in a scene."""
 
-    def __init__(self, space: ConfigurationSpace, scene: CollisionScene) -> None:
+    def __init__(self, space: ConfigurationSpace, scene: CollisionScene, friction: FrictionState = None) -> None:
         """Prepares the solver.
 
         Args:
             space: The scenario's configurations.
             scene: The scene with the body as it is, without margins.
+            friction: How the tendons slide.
         """
         self._space = space
         self._scene = scene
+        self._friction = friction
 
     def solve(self, rows: FloatArray, deadline: float = math.inf) -> SolvedStates:
         """Returns the states of configurations, shape (k, dimension), each by itself.
@@ -134,7 +137,13 @@ class StateSolver:
     def _solve(self, rows: FloatArray) -> SolvedStates:
         robot = self._space.robot
         actuation = self._space.actuate(rows)
-        solution = solve_driven(robot, actuation.tensions, gravity=actuation.gravity, tip_force=actuation.tip_force)
+        solution = solve_driven(
+            robot,
+            actuation.tensions,
+            friction=self._friction,
+            gravity=actuation.gravity,
+            tip_force=actuation.tip_force,
+        )
         converged = np.asarray(solution.converged, dtype=np.bool_)
         positions, rotations = actuation.in_world(solution.positions, solution.rotations)
         clearance = np.full(len(rows), np.nan)

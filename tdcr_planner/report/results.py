@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -30,7 +31,7 @@ from tdcr_planner.planning.coordinates import drive_key
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import PlannerSettings, Scenario, load_scenario
 from tdcr_planner.query.result import PlanResult, PlanStatus
-from tdcr_planner.query.verification_report import VerificationReport
+from tdcr_planner.query.verification_report import FrictionSpread, VerificationReport
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.state_files import MOST_STATES, read_shapes, write_shapes, write_trajectory_csv
 
@@ -76,11 +77,20 @@ class _Worst(FileModel):
     clearance_m: _Number
 
 
+class _FrictionTable(FileModel):
+    """How far friction moves the body."""
+
+    spread_m: NotNegative
+    state: Count
+    direction: str
+
+
 class _VerificationTable(FileModel):
     """What the reference says of the path, with one entry a state in the arrays."""
 
     verified: bool
     message: str
+    friction: _FrictionTable | None = None
     states: Count
     cause: str
     worst_state: Count
@@ -299,7 +309,8 @@ def _path_content(path: TensionPath, drive: str) -> dict[str, Any]:
 
 
 def _verification_content(report: VerificationReport, repairs: int) -> dict[str, Any]:
-    return {
+    friction = {} if report.friction is None else {"friction": asdict(report.friction)}
+    return friction | {
         "verified": report.verified,
         "message": report.message,
         "states": report.states,
@@ -462,4 +473,5 @@ def _read_verification(table: _ResultFile, count: int, scenario: Scenario, file:
         model_positions=shapes.get("model_positions_m"),
         cause=verification.cause,
         worst_state=verification.worst_state,
+        friction=None if verification.friction is None else FrictionSpread(**verification.friction.model_dump()),
     )

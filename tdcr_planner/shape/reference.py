@@ -28,7 +28,7 @@ class ReferenceShape(ShapeModel):
     colour = "#1F2933"
     marker = "s"
     is_fast = False
-    knows = frozenset(FEATURES) - {"friction"}
+    knows = frozenset(FEATURES)
 
     def __init__(self, robot: RobotSpec, settings: SolverSettings | None = None) -> None:
         """Prepares the reference for a robot with the solver's settings, the default ones if none are given."""
