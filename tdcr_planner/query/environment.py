@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ from tdcr_planner.planning.scenario import Scenario, Validity
 from tdcr_planner.planning.scene import differences, geometry_sha256, load_scene_meshes, scene_facts, scene_files
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import ValidityChecker, planning_margins
-from tdcr_planner.query.friction_states import sampled_spread
 from tdcr_planner.query.verification import Verifier
 from tdcr_planner.robot import refuse_unknown
 from tdcr_planner.shape.base import ShapeModel
@@ -109,11 +107,6 @@ class Environment:
         shaft = None if radius is None else Shaft(radius, self.scenario.base_position)
         return RobotBody(self.scenario.robot, margins, shaft)
 
-    @cached_property
-    def _friction_spread(self) -> FloatArray:
-        """What friction adds to the margin of each disk, shape (d,), m."""
-        return sampled_spread(self.space)
-
     def model(self, validity: Validity) -> ShapeModel:
         """Returns the shape model of that name, loaded at its first use.
 
@@ -143,7 +136,7 @@ class Environment:
         """
         query = scenario or self.scenario
         model = self.model(query.planner.validity)
-        margins = planning_margins(query, model) + self._friction_spread + extra_margin
+        margins = planning_margins(query, model) + extra_margin
         base = np.maximum(margins - model.error_bound, 0.0)
         return ValidityChecker(self.space, model, self.scene.with_margins(margins), base_margins=base)
 

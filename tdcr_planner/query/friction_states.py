@@ -1,4 +1,4 @@
-"""Friction states: the directions in which the tendons may have slid into a state, and how far they spread its shape.
+"""Friction states: the directions in which the tendons may have slid into a state, as far as they are tried.
 
 Where a tendon slid last, towards the drive or away from it, decides its tension along the robot, between the two bounds
 of Euler and Eytelwein's capstan. At the start of a path nobody knows it.
@@ -10,10 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from tdcr_planner.arrays import FloatArray
-from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics.driven import solve_driven
 
 FrictionState = tuple[str, ...] | None
 """The name "pull" or "release" of each tendon, as for `solve_statics`; None for no friction."""
@@ -22,7 +19,6 @@ MOST_COMBINED = 6
 """Rubbing tendons up to which all combinations are tried."""
 DRAWN = 8
 """Combinations drawn at random where there are too many to try all."""
-SPREAD_SAMPLES, SPREAD_STATES = 8, 4
 
 
 def friction_states(robot: RobotSpec) -> list[FrictionState]:
@@ -59,23 +55,3 @@ def describe_state(state: FrictionState) -> str:
     if len(released) == len(state):
         return "with all tendons sliding away from the drive"
     return f"with tendon {', '.join(released)} sliding away from the drive and the others towards it"
-
-
-def sampled_spread(space: ConfigurationSpace) -> FloatArray:
-    """Returns how far friction moves each disk from its place without, the median of samples, shape (d,), m.
-
-    A first estimate, for the margin of a search: random configurations, each in friction states drawn at random. What
-    it lacks where friction moves more, verification finds.
-    """
-    robot, generator = space.robot, np.random.default_rng(0)
-    tried = friction_states(robot)[1:]
-    if not tried:
-        return np.zeros(robot.disk_count)
-    actuation = space.actuate(space.sample(SPREAD_SAMPLES, generator))
-    loads = {"gravity": actuation.gravity, "tip_force": actuation.tip_force}
-    middle = solve_driven(robot, actuation.tensions, **loads).positions
-    moved = []
-    for index in generator.choice(len(tried), min(SPREAD_STATES, len(tried)), replace=False):
-        solution = solve_driven(robot, actuation.tensions, friction=tried[index], **loads)
-        moved.append(np.linalg.norm(solution.positions - middle, axis=2))
-    return np.nan_to_num(np.nanmedian(np.concatenate(moved), axis=0))
