@@ -10,6 +10,7 @@ from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.query.friction_states import describe_state, friction_states
 from tdcr_planner.query.session import PlanningSession
 from tdcr_planner.report.results import read_result, write_result_data
+from tdcr_planner.statics.solver import solve_statics
 
 pytest.importorskip("ompl")
 
@@ -70,3 +71,30 @@ def test_the_learned_model_says_what_to_use_instead(make_scenario):
     )
     with pytest.raises(InputError, match="validity = 'reference'"):
         PlanningSession(scenario)
+
+
+def test_single_tendons_drive_a_robot_whose_tendons_wind(make_scenario):
+    scenario = make_scenario(
+        "helical",
+        start={"tendon_n": [0.0, 0.0, 0.0, 0.0]},
+        goal={"tendon_n": [1.0, 0.5, 0.0, 0.0]},
+        planner={"validity": "reference", "time_limit_s": 60.0, "step_m": 0.01},
+    )
+    result = PlanningSession(scenario).plan()
+    assert result.status == "verified"
+    np.testing.assert_allclose(result.path.tensions[-1], [1.0, 0.5, 0.0, 0.0], atol=1e-9)
+    assert result.verification.friction is None
+
+
+def test_friction_with_displacement_drive_lies_between_the_capstan_bounds(bench):
+    space = ConfigurationSpace(bench)
+    driven = space.coordinates.driven(space.drive(space.row_of(bench.file.start)[None]))
+    free = solve_statics(bench.robot, displacements=driven)
+    for friction in ("pull", "release"):
+        solution = solve_statics(bench.robot, displacements=driven, friction=friction)
+        assert solution.converged.all()
+        # A tendon that turns by an angle a in all changes by a factor exp(mu a) at most: mu 0.1, a below 2 rad.
+        taut = free.tensions > 0.2
+        ratio = solution.tensions[taut] / free.tensions[taut]
+        assert (np.abs(np.log(ratio)) < 0.2).all()
+        assert (np.abs(np.log(ratio)) > 1e-4).any()
