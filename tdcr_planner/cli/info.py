@@ -192,8 +192,12 @@ def _describe_force(scenario: Scenario) -> str:
 
 
 def _describe_goal(goal: Goal) -> str:
+    from tdcr_planner.planning.scenario import DRIVE_KEYS
+
     if goal.tip_position_m is None:
-        return f"bending {goal.bending_n} N, insertion {1e3 * goal.insertion_m:g} mm, roll {goal.roll_deg:g} degrees"
+        key = next(name for name in DRIVE_KEYS if getattr(goal, name) is not None)
+        drive = f"{key.split('_')[0]} {getattr(goal, key)} {'N' if key.endswith('n') else 'm'}"
+        return f"{drive}, insertion {1e3 * goal.insertion_m:g} mm, roll {goal.roll_deg:g} degrees"
     text = "tip at ({:g}, {:g}, {:g}) mm".format(*(1e3 * value for value in goal.tip_position_m))
     if goal.view_direction is not None:
         text += " looking along ({:g}, {:g}, {:g})".format(*goal.view_direction)

@@ -93,7 +93,7 @@ def plan(
 def _without_mechanics(session: PlanningSession, result: PlanResult) -> str:
     """Returns a line on what constant curvature says of the path of a robot under load; empty for others."""
     scenario = result.scenario
-    if result.path is None or not (scenario.gravity.any() or scenario.tip_force.any()):
+    if result.path is None or scenario.robot.features or not (scenario.gravity.any() or scenario.tip_force.any()):
         return ""
     from tdcr_planner.compare.along_path import arcs_along_path
 
@@ -122,6 +122,12 @@ def describe(result: PlanResult) -> str:
             f"largest model deviation {1e3 * worst['deviation_m']:.2g} mm, "
             f"largest residual {worst['residual_nm']:.1e} N m",
         ]
+    if result.verification is not None and result.verification.friction is not None:
+        friction = result.verification.friction
+        lines.append(
+            f"friction:  moves a disk by {1e3 * friction.spread_m:.2f} mm at most, at state {friction.state + 1} "
+            f"{friction.direction}"
+        )
     if "roadmap" in result.planner:
         lines.append(f"roadmap:   {_roadmap_line(result)}")
     times = result.timings_s

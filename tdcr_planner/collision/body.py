@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from tdcr_planner.arrays import FloatArray, IntArray, check_array, check_positive
 from tdcr_planner.compiled import njit
 from tdcr_planner.errors import InputError
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import RobotSpec, Tendon
 
 # Sine of the angle between two unit vectors below which rounding decides the rest of it.
 PARALLEL = 1e-9
@@ -180,10 +180,27 @@ class RobotBody:
         backbone = robot.segment_backbones[segment].radius_m + sagitta
         rows = [(int(Kind.BACKBONE), disk, origin, backbone + margin, 0.0, 1)]
         if robot.body.between_disks == "tendons":
-            for tendon in np.flatnonzero(robot.tendon_segments >= segment):
-                x, y, z = (float(value) for value in robot.tendon_offsets[tendon])
-                rows.append((int(Kind.TENDON), disk, (x, y, z), robot.body.tendon_radius_m + margin, 0.0, 1))
+            for tendon in robot.tendons:
+                if tendon.start_disk < disk <= tendon.end_disk:
+                    (x, y), stray = _between(tendon, robot.arc_lengths[disk - 1 : disk + 1])
+                    radius = robot.body.tendon_radius_m + stray + margin
+                    rows.append((int(Kind.TENDON), disk, (x, y, 0.0), radius, 0.0, 1))
         return rows
+
+
+def _between(tendon: Tendon, ends: FloatArray) -> tuple[tuple[float, float], float]:
+    """Returns a tendon's mean offset between two disks, m, and how far it strays from there at most, m.
+
+    A capsule at the mean offset that is wider by the stray holds the tendon, whether it runs straight or along its
+    path: its offsets lie within a circle about their mean.
+    """
+    path = tendon.straight_path
+    if path is not None:
+        return (path.radius * math.cos(path.angle), path.radius * math.sin(path.angle)), 0.0
+    offsets = tendon.offsets(np.linspace(ends[0], ends[1], 9))
+    middle = 0.5 * (offsets.max(axis=0) + offsets.min(axis=0))
+    stray = float(np.linalg.norm(offsets - middle, axis=1).max())
+    return (float(middle[0]), float(middle[1])), stray
 
 
 def largest_curvature(robot: RobotSpec, segment: int) -> float:
@@ -193,15 +210,30 @@ def largest_curvature(robot: RobotSpec, segment: int) -> float:
     is added to them.
     """
     moment = 0.0
+    if any(tendon.straight_path is None for tendon in robot.tendons):
+        for tendon in robot.tendons:
+            if tendon.segment >= segment:
+                offsets = tendon.offsets(np.linspace(tendon.start_arc_length, tendon.end_arc_length, 65))
+                moment += tendon.max_tension * float(np.linalg.norm(offsets, axis=1).max())
+    else:
+        moment = _straight_moment(robot, segment)
+    backbone = robot.segment_backbones[segment]
+    return moment / backbone.stiffness_bending_torsion[0] + float(np.linalg.norm(backbone.rest_curvature_1_m))
+
+
+def _straight_moment(robot: RobotSpec, segment: int) -> float:
+    """Returns the moment that straight tendons passing a segment cause at full tension, at most, N m."""
+    moment = 0.0
     for index in range(segment, robot.segment_count):
         present = robot.tendon_segments == index
+        if not present.any():
+            continue
         # A bending vector is longest when two tendons, or one, pull fully; all of them fully bounds it simply.
         angles = np.sort(np.mod(robot.tendon_angles[present], 2.0 * np.pi))
         gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
         farthest = max(1.0, float((2.0 * np.cos(gaps / 2.0)).max()), 0.5 * (len(angles) - 1))
         moment += farthest * float(robot.max_tensions[present].max()) * float(robot.tendon_radii[present].max())
-    backbone = robot.segment_backbones[segment]
-    return moment / backbone.stiffness_bending_torsion[0] + float(np.linalg.norm(backbone.rest_curvature_1_m))
+    return moment
 
 
 @njit(cache=True, nogil=True)

@@ -92,7 +92,7 @@ class _Query:
         self._visibility = make_visibility(session, query)
         self._table = query.file.inspect
         start = query.file.start
-        self._start = session.space.row(start.bending_n, start.insertion_m, start.roll_deg)
+        self._start = session.space.row_of(start)
         self._extra_margin = 0.0
         self._ruled_out: list[FloatArray] = []
         self._more = 0.0

@@ -169,7 +169,7 @@ class _ReachSearch:
         self.blocked: IntArray = np.zeros(grid.cells, dtype=np.int64)
         self._tries: IntArray = np.zeros(grid.cells, dtype=np.int64)
         start = session.scenario.file.start
-        self._start = session.space.row(start.bending_n, start.insertion_m, start.roll_deg)
+        self._start = session.space.row_of(start)
         self._builder = session.roadmap_builder(seed=int(generator.integers(1, 2**31 - 1)))
         self._tree_rows: FloatArray = (
             self._start[None] if checker.valid(self._start[None])[0] else self._start[None][:0]

@@ -19,12 +19,14 @@ class GoalKind(ABC):
     """A kind of goal.
 
     Attributes:
-        key: The key of a scenario's goal that makes it one of this kind.
+        key: The key of a scenario's goal that makes it one of this kind, as messages call it.
+        keys: All keys of which one makes it one of this kind.
         title: What messages call it.
         other_keys: The keys that belong to it besides.
     """
 
     key: ClassVar[str]
+    keys: ClassVar[frozenset[str]]
     title: ClassVar[str]
     other_keys: ClassVar[frozenset[str]]
 
@@ -47,6 +49,7 @@ class ConfigurationKind(GoalKind):
     """A goal that is one configuration: it is reached by being on the path, whatever its shape."""
 
     key = "bending_n"
+    keys = frozenset({"bending_n", "bending_m", "tendon_n", "tendon_m"})
     title = "a configuration (bending_n)"
     other_keys = frozenset({"insertion_m", "roll_deg"})
 
@@ -65,6 +68,7 @@ class TipKind(GoalKind):
     """A goal for the tip: a position within a tolerance, with or without a viewing direction."""
 
     key = "tip_position_m"
+    keys = frozenset({"tip_position_m"})
     title = "a tip position (tip_position_m)"
     other_keys = frozenset({"tip_tolerance_m", "view_direction", "view_tolerance_deg"})
 

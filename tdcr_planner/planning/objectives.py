@@ -35,8 +35,11 @@ class Objective(FileModel):
 
 
 def tension_sum(checker: ValidityChecker, row: FloatArray) -> float:
-    """Returns the sum of the tendon tensions at a configuration, N."""
-    return float(checker.actuate(row[None]).tensions.sum())
+    """Returns the sum of the tendon tensions at a configuration, N; infinite without a shape that tells them."""
+    if checker.robot.drive.kind == "tension":
+        return float(checker.actuate(row[None]).tensions.sum())
+    tensions = checker.shapes(row[None]).tensions
+    return float("inf") if tensions is None or not np.isfinite(tensions).all() else float(tensions.sum())
 
 
 def nearness(checker: ValidityChecker, row: FloatArray) -> float:

@@ -14,7 +14,7 @@ class TensionPath:
     """States of a path in order. Between two states bending, insertion and roll are interpolated linearly.
 
     Attributes:
-        bending: Shape (k, segments, 2), N.
+        bending: Shape (k, segments, 2), N; m where the drive sets displacements, zeros without bending vectors.
         insertion: Shape (k,), m.
         roll: Shape (k,), rad.
         tensions: Shape (k, t), N.
@@ -23,6 +23,8 @@ class TensionPath:
         times: Shape (k,), s, from the scenario's limits; starts at 0.
         goal_states: Index of the state that reaches each goal, and the goal's number in the scenario (from 0), in
             the order of travel.
+        drive: The drive's coordinates, shape (k, c), N or m, see `planning.coordinates`; None where they are the
+            bending vectors of tension.
     """
 
     bending: FloatArray
@@ -33,6 +35,7 @@ class TensionPath:
     tip_positions: FloatArray
     times: FloatArray
     goal_states: tuple[tuple[int, int], ...] = ()
+    drive: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.insertion)

@@ -194,13 +194,5 @@ def offers_room(checker: ValidityChecker) -> bool:
 
 
 def within_limits(checker: ValidityChecker, rows: FloatArray) -> FloatArray:
-    """Returns rows (n, dimension) within the bounds and, by shrinking bending vectors, within the tension limits."""
-    space, robot = checker.space, checker.robot
-    rows = np.clip(rows, space.lower, space.upper)
-    tensions = checker.actuate(rows).tensions - robot.pretensions
-    room = robot.max_tensions - robot.pretensions
-    for index in range(robot.segment_count):
-        columns = robot.tendon_segments == index
-        excess = (tensions[:, columns] / room[columns]).max(axis=1)
-        rows[:, 2 * index : 2 * index + 2] /= np.maximum(excess, 1.0)[:, None]
-    return np.asarray(rows)
+    """Returns rows (n, dimension) within the bounds and, by shrinking bending vectors, within the drive's limits."""
+    return checker.space.confined(rows)

@@ -29,7 +29,9 @@ class RobotLimits:
         backbones = [robot.segment_backbones[index] for index in robot.disk_segments[1:]]
         self._radii = np.array([rod.radius_m for rod in backbones])
         self._rest_curvature = np.array([rod.rest_curvature_1_m for rod in backbones])
-        self._offsets = robot.tendon_offsets
+        # The first-order displacements hold for what a version 1 file can say; others come with a solution.
+        self._knows_displacements = not robot.features
+        self._offsets = robot.tendon_offsets if self._knows_displacements else np.zeros((robot.tendon_count, 3))
         present = robot.tendon_segments[:, None] >= robot.disk_segments[None, 1:]
         self._present = present * self._spacing
         self._tendon_compliance = robot.segment_ends[robot.tendon_segments] / robot.tendon_stiffnesses
@@ -87,6 +89,8 @@ class RobotLimits:
         codes = np.zeros(len(tensions), dtype=np.int8)
         kept = at_most(self.bending_strain(rotations), self._max_strain).all(axis=1)
         codes[~kept] = Cause.STRAIN.code
+        if not self._knows_displacements:
+            return codes
         kept = self._within_travel(
             self.tendon_displacements(tensions, rotations), np.ones(len(self._highest), np.bool_)
         )

@@ -24,6 +24,7 @@ from tdcr_planner.files import (
     sha256_of_file,
 )
 from tdcr_planner.limits import snap
+from tdcr_planner.planning.coordinates import drive_key
 from tdcr_planner.planning.goal_kinds import GOAL_KINDS, GoalKind
 from tdcr_planner.planning.inspect_table import InspectTable
 from tdcr_planner.planning.objectives import Objective
@@ -69,6 +70,9 @@ def _check_rows(value: Any) -> Any:
 
 
 Bending = Annotated[tuple[tuple[Load, Load], ...], BeforeValidator(_check_rows)]
+DisplacedBending = Annotated[tuple[tuple[Place, Place], ...], BeforeValidator(_check_rows)]
+DRIVE_KEYS = ("bending_n", "bending_m", "tendon_n", "tendon_m")
+"""Keys of which a robot takes one, by its drive and its tendons; see `planning.coordinates`."""
 
 
 def _check_validity(name: str) -> str:
@@ -153,11 +157,15 @@ class Base(FileModel):
 class Start(FileModel):
     """The configuration in which the robot starts: bending_n a row a segment, insertion_m, roll_deg.
 
-    Without bending_n all bending vectors are zero: the robot is straight but for its loads and rest curvature. In a
-    scenario file the word "straight" in place of the table says the same, at insertion and roll 0.
+    A robot driven by displacement takes bending_m in place of bending_n, one without bending vectors tendon_n or
+    tendon_m, a number a tendon. Without any of them all are zero: the robot is straight but for its loads and rest
+    curvature. In a scenario file the word "straight" in place of the table says the same, at insertion and roll 0.
     """
 
     bending_n: Bending = ()
+    bending_m: DisplacedBending = ()
+    tendon_n: tuple[Load, ...] = ()
+    tendon_m: tuple[Place, ...] = ()
     insertion_m: Place = 0.0
     roll_deg: Angle = 0.0
 
@@ -167,6 +175,9 @@ class Goal(FileModel):
 
     Attributes:
         bending_n: Bending vector of each segment, N; with insertion_m and roll_deg a goal configuration.
+        bending_m: The same of displacement, m at the tendon circle, for robots driven by displacement.
+        tendon_n: The tension of each tendon, N, for robots without bending vectors.
+        tendon_m: The displacement of each tendon, m, for robots driven by displacement without bending vectors.
         insertion_m: Insertion of a goal configuration.
         roll_deg: Roll of a goal configuration.
         tip_position_m: Goal of the last disk's centre, world frame.
@@ -176,6 +187,9 @@ class Goal(FileModel):
     """
 
     bending_n: Bending | None = None
+    bending_m: DisplacedBending | None = None
+    tendon_n: tuple[Load, ...] | None = None
+    tendon_m: tuple[Place, ...] | None = None
     insertion_m: Place = 0.0
     roll_deg: Angle = 0.0
     tip_position_m: Point | None = None
@@ -188,8 +202,8 @@ class Goal(FileModel):
     @model_validator(mode="after")
     def _check_kind(self) -> Goal:
         stated = {name for name, value in self if value is not None}
-        kinds = [kind for kind in GOAL_KINDS if kind.key in stated]
-        if len(kinds) != 1:
+        kinds = [kind for kind in GOAL_KINDS if stated & kind.keys]
+        if len(kinds) != 1 or len(stated & kinds[0].keys) != 1:
             raise ValueError(f"expected exactly one of {' and '.join(kind.key for kind in GOAL_KINDS)}")
         given = self.model_fields_set
         foreign = {key for kind in GOAL_KINDS for key in kind.other_keys} - kinds[0].other_keys
@@ -204,7 +218,12 @@ class Goal(FileModel):
     def kind(self) -> GoalKind:
         """What kind of goal it is."""
         stated = {name for name, value in self if value is not None}
-        return next(kind for kind in GOAL_KINDS if kind.key in stated)
+        return next(kind for kind in GOAL_KINDS if stated & kind.keys)
+
+    @property
+    def is_configuration(self) -> bool:
+        """Whether it is a configuration, so that `ConfigurationSpace.row_of` gives its row."""
+        return any(getattr(self, key) is not None for key in DRIVE_KEYS)
 
 
 class PlannerSettings(FileModel):
@@ -271,6 +290,16 @@ class Limits(FileModel):
         )
 
 
+class FrictionTable(FileModel):
+    """How friction counts in verification.
+
+    Attributes:
+        verify: "all" for every friction state that is tried, whatever the motion before.
+    """
+
+    verify: Literal["all"] = "all"
+
+
 class ScenarioFile(FileModel):
     """The content of a scenario file, as FORMATS has it."""
 
@@ -291,6 +320,7 @@ class ScenarioFile(FileModel):
     limits: Limits = Limits()
     inspect: InspectTable | None = None
     tolerances: ToleranceTable | None = None
+    friction: FrictionTable | None = None
     expected_status: Literal["verified", "unverified", "no_path", "invalid_start", "invalid_goal"] = "verified"
     title: str = ""
 
@@ -470,13 +500,37 @@ def _sized_for(robot: RobotSpec, content: ScenarioFile) -> ScenarioFile:
     return content.model_copy(
         update={
             "planner": content.planner.model_copy(update=open_lengths),
-            "start": content.start.model_copy(
-                update={"bending_n": content.start.bending_n or ((0.0, 0.0),) * robot.segment_count}
-            ),
+            "start": _filled_start(robot, content.start),
             "goal": None if content.goal is None else sized(content.goal),
             "goals": None if content.goals is None else tuple(sized(goal) for goal in content.goals),
         }
     )
+
+
+def _filled_start(robot: RobotSpec, start: Start) -> Start:
+    """Returns a start that states the robot's drive coordinates, zeros where it says nothing of the drive."""
+    key = drive_key(robot)
+    if any(getattr(start, name) for name in DRIVE_KEYS):
+        return start
+    rest = ((0.0, 0.0),) * robot.segment_count if key.startswith("bending") else (0.0,) * robot.tendon_count
+    return start.model_copy(update={key: rest})
+
+
+def _check_drive_key(scenario: Scenario, state: Start | Goal, place: str) -> None:
+    """Refuses drive coordinates that are not the robot's, or not as many."""
+    robot, key = scenario.robot, drive_key(scenario.robot)
+    for name in DRIVE_KEYS:
+        if name != key and getattr(state, name):
+            driven = (
+                f"driven by {robot.drive.kind} {'with' if key.startswith('bending') else 'without'} bending vectors"
+            )
+            problem = f"expected {key}, since robot {robot.name!r} is {driven}, got {name}"
+            raise FormatError(scenario.path, problem, f"{place}.{name}")
+    rows = getattr(state, key)
+    kind, count = ("segment", robot.segment_count) if key.startswith("bending") else ("tendon", robot.tendon_count)
+    if len(rows) != count:
+        expected = f"expected {count} {'rows' if kind == 'segment' else 'numbers'}, one for each {kind} of robot"
+        raise FormatError(scenario.path, f"{expected} {robot.name!r}, got {len(rows)}", f"{place}.{key}")
 
 
 def _check_travel(scenario: Scenario) -> None:
@@ -493,24 +547,16 @@ def _check_travel(scenario: Scenario) -> None:
 
 
 def _check_against_robot(scenario: Scenario) -> None:
-    count = scenario.robot.segment_count
     base = scenario.file.base
     _check_travel(scenario)
-    configurations: list[tuple[str, Bending, float, float]] = [
-        ("start", scenario.file.start.bending_n, scenario.file.start.insertion_m, scenario.file.start.roll_deg)
-    ]
+    states: list[tuple[str, Start | Goal]] = [("start", scenario.file.start)]
     for index, goal in enumerate(scenario.goals):
-        place = "goal" if scenario.file.goals is None else f"goals[{index + 1}]"
-        if goal.bending_n is not None:
-            configurations.append((place, goal.bending_n, goal.insertion_m, goal.roll_deg))
-    for place, bending, insertion, roll in configurations:
-        if len(bending) != count:
-            raise FormatError(
-                scenario.path,
-                f"expected {count} rows, one for each segment of robot {scenario.robot.name!r}, got {len(bending)}",
-                f"{place}.bending_n",
-            )
-        for key, value, allowed in (("insertion_m", insertion, base.insertion_m), ("roll_deg", roll, base.roll_deg)):
+        if goal.is_configuration:
+            states.append(("goal" if scenario.file.goals is None else f"goals[{index + 1}]", goal))
+    for place, state in states:
+        _check_drive_key(scenario, state, place)
+        ranges = (("insertion_m", state.insertion_m, base.insertion_m), ("roll_deg", state.roll_deg, base.roll_deg))
+        for key, value, allowed in ranges:
             low, high = allowed if allowed is not None else (0.0, 0.0)
             if not low <= snap(value, low, high) <= high:
                 reason = f"the range of [base] {key} is [{low}, {high}]" if allowed else f"[base] has no {key} range"

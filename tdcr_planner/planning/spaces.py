@@ -1,14 +1,16 @@
-"""The configuration space: rows of numbers that stand for bending, insertion and roll, and what they mean."""
+"""The configuration space: rows of numbers that stand for the drive, insertion and roll, and what they mean."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.limits import snap
-from tdcr_planner.planning.scenario import Bending, Goal, Scenario, Start
+from tdcr_planner.planning.coordinates import drive_coordinates
+from tdcr_planner.planning.scenario import Goal, Scenario, Start
 from tdcr_planner.se3 import rotation_about_z, transform_points
 
 
@@ -17,7 +19,7 @@ class Actuation:
     """What a batch of configurations means for the robot.
 
     Attributes:
-        tensions: Shape (n, t), N.
+        tensions: What the drive sets, shape (n, t): tensions, N, or displacements, m, by the robot's drive.
         gravity: Shape (n, 3), m/s^2, base frame (it turns with the roll).
         tip_force: Shape (n, 3), N, base frame.
         base_positions: Origin of the base frame, shape (n, 3), m, world frame.
@@ -52,9 +54,14 @@ class Actuation:
 
 
 class ConfigurationSpace:
-    """Configurations of a scenario as rows: bending x, y a segment (N), then insertion (m) and roll (rad) if they vary.
+    """Configurations of a scenario as rows: the drive's coordinates, then insertion (m) and roll (rad) if they vary.
+
+    The drive's coordinates are bending vectors, x and y a segment, of tension (N) or of displacement (m), or a number a
+    tendon; see `planning.coordinates`.
 
     Attributes:
+        coordinates: The drive's coordinates.
+        bending_count: How many they are.
         dimension: Length of a row.
         lower: Lower bound of each column, shape (dimension,).
         upper: Upper bound of each column, shape (dimension,).
@@ -70,8 +77,9 @@ class ConfigurationSpace:
         base = scenario.file.base
         self.has_insertion = base.insertion_m is not None
         self.has_roll = base.roll_deg is not None
-        self.bending_count = 2 * self.robot.segment_count
-        bounds = [(-bound, bound) for bound in self._bending_bounds() for _ in range(2)]
+        self.coordinates = drive_coordinates(self.robot)
+        self.bending_count = self.coordinates.width
+        bounds = list(zip(self.coordinates.lower.tolist(), self.coordinates.upper.tolist(), strict=True))
         if base.insertion_m is not None:
             bounds.append(base.insertion_m)
         if base.roll_deg is not None:
@@ -85,50 +93,29 @@ class ConfigurationSpace:
         """What stays the same for all configurations, world frame: base position and rotation, gravity, tip force."""
         return self._base_position, self._base_rotation, self._gravity, self._tip_force
 
-    def _bending_bounds(self) -> list[float]:
-        """Largest length of a segment's bending vector within the tension limits, N.
-
-        The set of reachable bending vectors is a polygon whose corners are sums of neighbouring tendons at full
-        tension, so one of the corners is the farthest point.
-        """
-        bounds = []
-        room = self.robot.max_tensions - self.robot.pretensions
-        for columns, _ in self.robot.segment_circles:
-            angles = np.sort(np.mod(self.robot.tendon_angles[columns], 2.0 * np.pi))
-            gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
-            farthest = max(1.0, float((2.0 * np.cos(gaps / 2.0)).max()))
-            bounds.append(float(room[columns].max()) * farthest)
-        return bounds
-
     def sample(self, count: int, generator: np.random.Generator) -> FloatArray:
-        """Returns random rows (count, dimension), uniform among those whose tensions are within their limits.
-
-        A bending vector lies in the cone of one pair of neighbouring tendons and asks only them, so that the reachable
-        vectors of a segment are a parallelogram a pair: one is chosen by its area, then a point of it.
-        """
+        """Returns random rows (count, dimension), uniform among those within the drive's limits."""
         rows = generator.uniform(self.lower, self.upper, (count, self.dimension))
-        room = self.robot.max_tensions - self.robot.pretensions
-        for index in range(self.robot.segment_count):
-            columns = np.flatnonzero(self.robot.tendon_segments == index)
-            angles = np.mod(self.robot.tendon_angles[columns], 2.0 * np.pi)
-            order = np.argsort(angles, kind="stable")
-            after = np.roll(order, -1)
-            # Two tendons half a turn or more apart span no cone.
-            areas = room[columns[order]] * room[columns[after]] * np.maximum(np.sin(angles[after] - angles[order]), 0.0)
-            pair = generator.choice(len(order), count, p=areas / areas.sum())
-            first, second = columns[order[pair]], columns[after[pair]]
-            pulls = np.stack([room[first], room[second]], axis=1) * generator.uniform(size=(count, 2))
-            directions = self.robot.tendon_angles[np.stack([first, second], axis=1)]
-            rows[:, 2 * index] = (pulls * np.cos(directions)).sum(axis=1)
-            rows[:, 2 * index + 1] = (pulls * np.sin(directions)).sum(axis=1)
+        rows[:, : self.bending_count] = self.coordinates.sample(count, generator)
         return rows
 
-    def row(self, bending: Bending, insertion_m: float = 0.0, roll_deg: float = 0.0) -> FloatArray:
+    def confined(self, rows: FloatArray) -> FloatArray:
+        """Returns rows (n, dimension) within the bounds and, by shrinking bending vectors, the drive's limits."""
+        rows = np.clip(rows, self.lower, self.upper)
+        rows[:, : self.bending_count] = self.coordinates.confined(rows[:, : self.bending_count])
+        return rows
+
+    def row(self, drive: ArrayLike, insertion_m: float = 0.0, roll_deg: float = 0.0) -> FloatArray:
         """Returns the row, shape (dimension,), of a configuration as the scenario file writes it.
 
         What lies within rounding of the end of its range is moved onto it.
+
+        Args:
+            drive: The drive's coordinates, as a scenario's `bending_n`, `bending_m`, `tendon_n` or `tendon_m`.
+            insertion_m: Insertion, m.
+            roll_deg: Roll, degrees.
         """
-        values = [component for vector in bending for component in vector]
+        values = np.asarray(drive, dtype=np.float64).ravel().tolist()
         if self.has_insertion:
             values.append(insertion_m)
         if self.has_roll:
@@ -137,12 +124,20 @@ class ConfigurationSpace:
 
     def row_of(self, state: Start | Goal) -> FloatArray:
         """Returns the row, shape (dimension,), of a start or of a goal that is a configuration."""
-        assert state.bending_n is not None  # the caller has told the kinds of goal apart
-        return self.row(state.bending_n, state.insertion_m, state.roll_deg)
+        return self.row(getattr(state, self.coordinates.key), state.insertion_m, state.roll_deg)
+
+    def drive(self, rows: FloatArray) -> FloatArray:
+        """Returns the drive's coordinates of rows (n, dimension), shape (n, bending_count)."""
+        return rows[:, : self.bending_count]
 
     def bending(self, rows: FloatArray) -> FloatArray:
-        """Returns the bending vectors of rows (n, dimension), shape (n, segments, 2), N."""
-        return rows[:, : self.bending_count].reshape(len(rows), -1, 2)
+        """Returns the bending vectors of rows (n, dimension), shape (n, segments, 2), N or m.
+
+        Zeros where the drive's coordinates are no bending vectors.
+        """
+        if not self.coordinates.are_vectors:
+            return np.zeros((len(rows), self.robot.segment_count, 2))
+        return self.drive(rows).reshape(len(rows), -1, 2)
 
     def insertion(self, rows: FloatArray) -> FloatArray:
         """Returns the insertion of rows (n, dimension), shape (n,), m; zero where the base is fixed."""
@@ -153,11 +148,11 @@ class ConfigurationSpace:
         return rows[:, -1].copy() if self.has_roll else np.zeros(len(rows))
 
     def actuate(self, rows: FloatArray) -> Actuation:
-        """Returns tensions, loads in the base frame and base poses of rows (n, dimension)."""
+        """Returns what the drive sets, loads in the base frame and base poses of rows (n, dimension)."""
         base_rotations = self._base_rotation @ rotation_about_z(self.roll(rows))
         base_positions = self._base_position + self.insertion(rows)[:, None] * self._base_rotation[:, 2]
         return Actuation(
-            tensions=self.robot.tensions_from_bending(self.bending(rows)),
+            tensions=self.coordinates.driven(self.drive(rows)),
             gravity=np.einsum("nji,j->ni", base_rotations, self._gravity),
             tip_force=np.einsum("nji,j->ni", base_rotations, self._tip_force),
             base_positions=base_positions,

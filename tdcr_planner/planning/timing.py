@@ -169,6 +169,8 @@ def kinks_between(space: ConfigurationSpace, rows: FloatArray) -> FloatArray:
 def steepest_tension(space: ConfigurationSpace, rows: FloatArray, tensions: FloatArray) -> FloatArray:
     """Returns for each interval the largest change of any tension, were its steepest part to last all of it.
 
+    Where the drive does not set bending vectors of tension, it is the change between the states.
+
     Args:
         space: The path's configuration space.
         rows: States of the path, shape (k, dimension).
@@ -177,6 +179,8 @@ def steepest_tension(space: ConfigurationSpace, rows: FloatArray, tensions: Floa
     Returns:
         Shape (k - 1,), N.
     """
+    if space.coordinates.key != "bending_n":
+        return np.asarray(np.abs(np.diff(tensions, axis=0)).max(axis=1))
     robot = space.robot
     bending = space.bending(rows)
     start, change = bending[:-1], np.diff(bending, axis=0)

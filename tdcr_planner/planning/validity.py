@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdcr_planner.arrays import BoolArray, FloatArray
-from tdcr_planner.limits import ROUNDING
+from tdcr_planner.limits import ROUNDING, at_most
 from tdcr_planner.planning.causes import CAUSES, Cause, Codes
 from tdcr_planner.planning.kernels import actuate, actuation_tables, to_world
 from tdcr_planner.planning.margin_levels import Levels, MarginLevels
@@ -57,12 +57,14 @@ class Shapes:
         positions: Shape (n, d, 3), m, world frame; not to be used where the code is not 0.
         rotations: world_from_disk, shape (n, d, 3, 3).
         levels: Level of each state's margin, shape (n,); None where all keep the same.
+        tensions: Shape (n, t), N, where the model solves for them; None where the drive sets them.
     """
 
     codes: Codes
     positions: FloatArray
     rotations: FloatArray
     levels: Levels | None = None
+    tensions: FloatArray | None = None
 
 
 def planning_margins(scenario: Scenario, model: ShapeModel) -> FloatArray:
@@ -108,7 +110,8 @@ class ValidityChecker:
         self.states_checked = 0
         self.rejected: dict[Cause, int] = dict.fromkeys(CAUSES, 0)
         self._ruled_out: list[tuple[FloatArray, float]] = []
-        self._tables = actuation_tables(space, ROUNDING * self.robot.max_tensions)
+        vectors_of_tension = space.coordinates.key == "bending_n"
+        self._tables = actuation_tables(space, ROUNDING * self.robot.max_tensions) if vectors_of_tension else None
         self._limits = RobotLimits(self.robot)
         self._always_in_domain = self._domain_holds_everywhere()
         self._disk_poses = model.disk_poses_unchecked
@@ -133,26 +136,36 @@ class ValidityChecker:
 
         Limits are not tested here; a row outside the model's domain has no shape.
         """
-        *parts, over, excessive = actuate(rows, self._tables)
+        actuation, over, excessive = self._actuate(rows)
         codes = np.zeros(len(rows), dtype=np.int8)
         if excessive:
             if self._always_in_domain:
                 codes[over] = Cause.MODEL_DOMAIN.code
             codes[~np.isfinite(rows).all(axis=1)] = Cause.NOT_FINITE.code
-        shapes = self._place(Actuation(*parts), codes)
+        shapes = self._place(actuation, codes)
         return shapes.positions, shapes.rotations, np.asarray(shapes.codes == 0)
 
     def actuate(self, rows: FloatArray) -> Actuation:
         """Returns what `ConfigurationSpace.actuate` returns, by compiled code."""
-        return Actuation(*actuate(rows, self._tables)[:5])
+        return self._actuate(rows)[0]
+
+    def _actuate(self, rows: FloatArray) -> tuple[Actuation, BoolArray, int]:
+        """Returns actuations, which rows (n,) ask too much of the drive or are not finite, and how many do."""
+        if self._tables is not None:
+            *parts, over, excessive = actuate(rows, self._tables)
+            return Actuation(*parts), over, excessive
+        finite: BoolArray = np.asarray(np.isfinite(rows).all(axis=1))
+        actuation = self.space.actuate(np.where(finite[:, None], rows, 0.0))
+        over = np.asarray(~finite | (self.space.coordinates.within(actuation.tensions) > 1.0 + ROUNDING))
+        return actuation, over, int(over.sum())
 
     def shapes(self, rows: FloatArray) -> Shapes:
         """Returns the shapes of rows (n, dimension) after every test but the scene's."""
-        *parts, over, excessive = actuate(rows, self._tables)
-        actuation = Actuation(*parts)
+        actuation, over, excessive = self._actuate(rows)
         codes = np.zeros(len(rows), dtype=np.int8)
         if excessive:
-            codes[over] = Cause.TENSION_LIMIT.code
+            displaced = self.robot.drive.kind == "displacement"
+            codes[over] = (Cause.TENDON_DISPLACEMENT if displaced else Cause.TENSION_LIMIT).code
             codes[~np.isfinite(rows).all(axis=1)] = Cause.NOT_FINITE.code
         for centre, radius in self._ruled_out:
             near = (np.abs((rows - centre) * self.motion_scale).max(axis=1) < radius) & (codes == 0)
@@ -160,8 +173,10 @@ class ValidityChecker:
         shapes = self._place(actuation, codes)
         if self._limits.any:
             alive = np.flatnonzero(shapes.codes == 0)
-            broken = self._limits.check(actuation.tensions[alive], shapes.rotations[alive])
-            shapes.codes[alive] = broken
+            shapes.codes[alive] = self._limits.check(actuation.tensions[alive], shapes.rotations[alive])
+        if shapes.tensions is not None:
+            pulled = ~np.asarray(at_most(np.nan_to_num(shapes.tensions), self.robot.max_tensions)).all(axis=1)
+            shapes.codes[pulled & (shapes.codes == 0)] = Cause.TENSION_LIMIT.code
         return shapes
 
     def collide(self, shapes: Shapes, which: slice | NDArray[Any] = slice(None)) -> None:
@@ -248,7 +263,8 @@ class ValidityChecker:
             return ""
         cause = CAUSES[code - 1]
         if cause not in (Cause.OBSTACLE, Cause.CAVITY, Cause.SELF_COLLISION):
-            return self._limits.explain(cause, self.robot, self.actuate(row[None]).tensions[0])
+            tensions = self.actuate(row[None]).tensions if shapes.tensions is None else shapes.tensions
+            return self._limits.explain(cause, self.robot, tensions[0])
         bound = np.asarray(self.model.error_bound)
         if self._levels is not None and shapes.levels is not None:
             bound = self._levels.bound(int(shapes.levels[0]))
@@ -295,6 +311,9 @@ class ValidityChecker:
             if posed.levels is not None:
                 shapes.levels = np.zeros(len(codes), dtype=np.int8)
                 shapes.levels[alive] = posed.levels
+            if posed.tensions is not None:
+                shapes.tensions = np.full((len(codes), self.robot.tendon_count), np.nan)
+                shapes.tensions[alive] = posed.tensions
         return shapes
 
     def _pose_all(self, actuation: Actuation, codes: Codes) -> Shapes:
@@ -312,7 +331,7 @@ class ValidityChecker:
             codes[~finite] = Cause.NOT_FINITE.code
         if not poses.solved.all():
             codes[~poses.solved] = Cause.NO_SHAPE.code
-        return Shapes(codes, positions, rotations, levels)
+        return Shapes(codes, positions, rotations, levels, poses.tensions)
 
 
 def motion_scale(checker: ValidityChecker, samples: int = 24, seed: int = 0) -> FloatArray:

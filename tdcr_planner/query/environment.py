@@ -43,7 +43,7 @@ class Environment:
             InputError: The robot has what planning does not know.
             RobotMismatchError: The shape model was made for another robot.
         """
-        refuse_unknown(scenario.robot, (), "the planner")
+        self._refuse_validity(scenario)
         self.scenario = scenario
         self._files = scene_files(scenario)
         self._facts = scene_facts(scenario, self._files)
@@ -57,13 +57,27 @@ class Environment:
         self._check_loads()
         self.warm_up(scenario)
 
+    @staticmethod
+    def _refuse_validity(query: Scenario) -> None:
+        """Raises InputError where the shape model that a query asks does not know its robot."""
+        known = SHAPE_MODELS.find(query.planner.validity).knows
+        try:
+            refuse_unknown(query.robot, known, f"validity = {query.planner.validity!r}")
+        except InputError as error:
+            offered = [name for name in SHAPE_MODELS.names() if query.robot.features <= SHAPE_MODELS.find(name).knows]
+            names = " or ".join(repr(name) for name in offered)
+            raise InputError(
+                error.name, error.expected, f"{error.got}; for this robot use validity = {names}"
+            ) from None
+
     def _check_loads(self) -> None:
         """Raises DomainError when gravity or tip force lie outside the model's domain, whatever the configuration."""
         gravity, tip_force = self.scenario.gravity, self.scenario.tip_force
         keys = {"gravity": ("gravity_m_s2", "m/s^2", gravity), "tip_force": ("tip_force_n", "N", tip_force)}
         model = self.model(self.scenario.planner.validity)
         try:
-            model.disk_poses(self.scenario.robot.pretensions[None], gravity=gravity, tip_force=tip_force)
+            at_rest = self.space.coordinates.driven(np.zeros((1, self.space.bending_count)))
+            model.disk_poses(at_rest, gravity=gravity, tip_force=tip_force)
         except DomainError as error:
             if error.name not in keys:
                 raise
@@ -81,6 +95,7 @@ class Environment:
         """
         if query.planner.validity in self._warm:
             return
+        self._refuse_validity(query)
         self._warm.add(query.planner.validity)
         self.model(query.planner.validity).warm_up()
         row = self.space.row_of(query.file.start)

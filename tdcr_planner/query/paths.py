@@ -39,7 +39,7 @@ def check_outcome(query: Scenario, space: ConfigurationSpace, outcome: SearchOut
     if any(not 0 <= place < len(rows) for place in outcome.goals) or list(outcome.goals) != sorted(outcome.goals):
         raise InputError(name, f"goals that are increasing indices below {len(rows)}", tuple(outcome.goals))
     for place, number in zip(outcome.goals, outcome.order, strict=True):
-        if query.goals[number].bending_n is not None:
+        if query.goals[number].is_configuration:
             ends.append((f"goal {number + 1}", rows[place], space.row_of(query.goals[number])))
     for end, row, wanted in ends:
         if not np.allclose(row, wanted, rtol=0.0, atol=_ROUNDING):
@@ -83,6 +83,7 @@ def tension_path(query: Scenario, space: ConfigurationSpace, states: SolvedState
         bending=space.bending(rows),
         insertion=space.insertion(rows),
         roll=space.roll(rows),
+        drive=None if space.coordinates.key == "bending_n" else space.drive(rows),
         tensions=states.tensions,
         tendon_displacements=states.displacements,
         tip_positions=states.positions[:, -1],
@@ -93,7 +94,7 @@ def tension_path(query: Scenario, space: ConfigurationSpace, states: SolvedState
 
 def path_rows(space: ConfigurationSpace, path: TensionPath) -> FloatArray:
     """Returns a path's configurations, shape (k, dimension)."""
-    columns = [path.bending.reshape(len(path), -1)]
+    columns = [path.bending.reshape(len(path), -1) if path.drive is None else path.drive]
     if space.has_insertion:
         columns.append(path.insertion[:, None])
     if space.has_roll:

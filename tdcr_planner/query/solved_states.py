@@ -12,10 +12,10 @@ from tdcr_planner.arrays import BoolArray, FloatArray, IntArray
 from tdcr_planner.collision.scene import CollisionScene
 from tdcr_planner.planning.robot_limits import RobotLimits
 from tdcr_planner.planning.spaces import ConfigurationSpace
+from tdcr_planner.query.friction_states import FrictionState
 from tdcr_planner.robot import RobotSpec
-from tdcr_planner.statics.solver import RodSolution, solve_statics
+from tdcr_planner.statics.driven import driven_displacements, solve_driven
 from tdcr_planner.statics.strain import largest_bending_strain
-from tdcr_planner.statics.tendons import tendon_displacements
 
 # States solved between two looks at the clock.
 BATCH = 256
@@ -29,8 +29,8 @@ class SolvedStates:
         rows: Configurations, shape (k, dimension).
         tensions: Shape (k, t), N.
         displacements: Tendon pulled out at the base against the unloaded robot, shape (k, t), m.
-        solved: Whether the time sufficed for the state, shape (k,); where it did not, nothing but its row and its
-            tensions is known.
+        solved: Whether the time sufficed for the state, shape (k,); where it did not, nothing but its row and what the
+            drive sets is known.
         converged: Shape (k,).
         stable: Shape (k,).
         residual: Shape (k,), N m.
@@ -83,17 +83,26 @@ class SolvedStates:
 class StateSolver:
     """Solves configurations with the reference and measures their shapes in a scene."""
 
-    def __init__(self, space: ConfigurationSpace, scene: CollisionScene, *, enough: float | None = None) -> None:
+    def __init__(
+        self,
+        space: ConfigurationSpace,
+        scene: CollisionScene,
+        friction: FrictionState = None,
+        *,
+        enough: float | None = None,
+    ) -> None:
         """Prepares the solver.
 
         Args:
             space: The scenario's configurations.
             scene: The scene with the body as it is, without margins.
+            friction: How the tendons slide.
             enough: A clearance, m, above which it is not measured: such states are stated to have just this one, which
                 the distance field shows several times faster. None to measure all.
         """
         self._space = space
         self._scene = scene
+        self._friction = friction
         self._enough = enough
 
     def solve(self, rows: FloatArray, deadline: float = math.inf) -> SolvedStates:
@@ -128,10 +137,11 @@ class StateSolver:
     def _unsolved(self, rows: FloatArray) -> SolvedStates:
         """Returns what is known of configurations without solving them."""
         robot, count = self._space.robot, len(rows)
+        driven, displaced = self._space.actuate(rows).tensions, robot.drive.kind == "displacement"
         return SolvedStates(
             rows=rows,
-            tensions=self._space.actuate(rows).tensions,
-            displacements=np.full((count, robot.tendon_count), np.nan),
+            tensions=np.full((count, robot.tendon_count), np.nan) if displaced else driven,
+            displacements=driven if displaced else np.full((count, robot.tendon_count), np.nan),
             solved=np.zeros(count, dtype=np.bool_),
             converged=np.zeros(count, dtype=np.bool_),
             stable=np.zeros(count, dtype=np.bool_),
@@ -148,8 +158,12 @@ class StateSolver:
     def _solve(self, rows: FloatArray) -> SolvedStates:
         robot = self._space.robot
         actuation = self._space.actuate(rows)
-        solution: RodSolution = solve_statics(
-            robot, actuation.tensions, gravity=actuation.gravity, tip_force=actuation.tip_force
+        solution = solve_driven(
+            robot,
+            actuation.tensions,
+            friction=self._friction,
+            gravity=actuation.gravity,
+            tip_force=actuation.tip_force,
         )
         converged = np.asarray(solution.converged, dtype=np.bool_)
         positions, rotations = actuation.in_world(solution.positions, solution.rotations)
@@ -160,8 +174,8 @@ class StateSolver:
             touches_itself[converged] = self._scene.touches_itself(positions[converged], rotations[converged])
         return SolvedStates(
             rows=rows,
-            tensions=actuation.tensions,
-            displacements=tendon_displacements(robot, solution, actuation.tensions),
+            tensions=solution.tensions,
+            displacements=driven_displacements(robot, solution),
             solved=np.ones(len(rows), dtype=np.bool_),
             converged=converged,
             stable=np.asarray(solution.stable, dtype=np.bool_),

@@ -23,8 +23,9 @@ from tdcr_planner.planning.kernels import disk_motions
 from tdcr_planner.planning.scenario import Goal
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.planning.validity import disk_reaches
+from tdcr_planner.query.friction_states import FrictionState, describe_state, friction_states
 from tdcr_planner.query.solved_states import SolvedStates, StateSolver
-from tdcr_planner.query.verification_report import VerificationReport
+from tdcr_planner.query.verification_report import FrictionSpread, VerificationReport
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.base import ShapeModel
 
@@ -53,6 +54,34 @@ def _judge_time(states: SolvedStates) -> _Failure | None:
     solved, count = int(states.solved.sum()), len(states.rows)
     message = f"the time limit ended the verification after {solved:,} of {count:,} states"
     return _Failure("time", message, int(np.argmin(states.solved)))
+
+
+def _at(report: VerificationReport, which: IntArray) -> VerificationReport:
+    """Returns a report on some of its states alone; what failed is told of the last of them that is not behind it."""
+    before = int(np.searchsorted(which, report.worst_state, side="right")) - 1
+    arrays = ("converged", "residual", "deviation", "clearance", "in_limits", "positions", "rotations")
+    clearance = report.clearance.copy()
+    # What was found between two states counts for the one before.
+    np.fmin.at(clearance, which[np.searchsorted(which, np.arange(len(clearance)), side="right") - 1], clearance)
+    parts = {name: getattr(report, name)[which] for name in arrays} | {"clearance": clearance[which]}
+    return replace(report, worst_state=max(before, 0), model_positions=None, **parts)
+
+
+def _merge(report: VerificationReport, judged: VerificationReport, state: str, count: int) -> VerificationReport:
+    """Returns a report on the same states with what another friction state adds to it."""
+    clearance = np.fmin(report.clearance, judged.clearance)
+    spread = np.linalg.norm(judged.positions - report.positions, axis=2).max(axis=1)
+    widest = int(np.argmax(np.nan_to_num(spread)))
+    known = report.friction
+    friction = known
+    if known is None or not known.spread_m >= spread[widest]:
+        friction = FrictionSpread(float(spread[widest]), widest, state)
+    merged = replace(report, clearance=clearance, friction=friction, worst_state=_least(clearance))
+    if judged.verified:
+        return merged
+    message = f"{judged.message}, {state}" if judged.message else state
+    worst = min(judged.worst_state, count - 1)
+    return replace(merged, verified=False, cause=judged.cause, message=message, worst_state=worst)
 
 
 class Verifier:
@@ -91,7 +120,8 @@ class Verifier:
         self.model = model
         self._robot: RobotSpec = space.robot
         self._reaches = disk_reaches(self._robot)
-        self._solver = StateSolver(space, scene, enough=None if measure else clearance)
+        self._enough = None if measure else clearance
+        self._friction_states = friction_states(space.robot)
         self._prover = scene.make_prover(np.full(space.robot.disk_count, clearance))
 
     def verify(
@@ -99,13 +129,31 @@ class Verifier:
     ) -> tuple[VerificationReport, SolvedStates]:
         """Returns the reference's judgement on a path, and the states it solved for it.
 
+        A robot with friction is judged in every one of its `friction_states`, each along the whole path; the states
+        returned are those without friction, and the report's clearance is the least at each of them. Goals are judged
+        without friction.
+
         Args:
             rows: Configurations of the path's states in order, shape (k, dimension); interpolated linearly in between.
             goals: What is to be reached, each with the index of the state that must reach it; where it is a tip
                 position, the reference's tip must lie within the tolerances.
             deadline: When to end, by time.monotonic(); a path that is not proved by then is not verified.
         """
-        states = self._solver.solve(rows, deadline)
+        report, states = self._verify_under(None, rows, goals, deadline)
+        for friction in self._friction_states[1:]:
+            if not report.verified:
+                break
+            judged, _ = self._verify_under(friction, states.rows, (), deadline)
+            report = _merge(report, judged, describe_state(friction), len(states.rows))
+        return report, states
+
+    def _verify_under(
+        self, friction: FrictionState, rows: FloatArray, goals: Sequence[tuple[int, Goal]], deadline: float
+    ) -> tuple[VerificationReport, SolvedStates]:
+        """Returns the judgement on a path in one friction state; see `verify`."""
+        solver = StateSolver(self.space, self.scene, friction, enough=self._enough)
+        states = solver.solve(rows, deadline)
+        given = np.ones(len(rows), dtype=np.bool_)
         for number, (index, _) in enumerate(goals):
             states.goals[index] = number
         # Gaps wider than the step get the halvings that lead down to it for free.
@@ -123,23 +171,30 @@ class Verifier:
             failure = self._judge_gaps(states, gaps)
             if failure is None:
                 middle = 0.5 * (states.rows[gaps] + states.rows[gaps + 1])
-                states = states.halve(gaps, self._solver.solve(middle, deadline))
+                states = states.halve(gaps, solver.solve(middle, deadline))
+                given = np.insert(given, gaps + 1, False)
                 shown = np.insert(shown, gaps + 1, shown[gaps])
                 failure = self._judge_states(states) or _judge_time(states)
             if failure is None and time.monotonic() >= deadline:
                 what = f"with {len(gaps):,} of {len(shown):,} motions between states not yet shown to be free"
                 failure = _Failure("time", f"the time limit ended the verification {what}", int(gaps[0]))
-        return self._report(states, failure), states
+        report = self._report(states, failure)
+        return (report if friction is None else _at(report, np.flatnonzero(given))), states
 
     def judge_each(self, rows: FloatArray) -> tuple[BoolArray, SolvedStates]:
-        """Returns which states the reference accepts by themselves, shape (k,), and the states it solved.
+        """Returns which states the reference accepts in every friction state, shape (k,), and those without friction.
 
         What lies between them is not judged, nor self-collision: the rows may be any configurations, shape
         (k, dimension).
         """
-        states = self._solver.solve(rows)
-        clear = np.nan_to_num(states.clearance, nan=-np.inf) >= self.clearance
-        return np.asarray(states.converged & states.stable & states.in_limits(self._robot) & clear), states
+        kept = np.ones(len(rows), dtype=np.bool_)
+        solved = []
+        for friction in self._friction_states:
+            states = StateSolver(self.space, self.scene, friction, enough=self._enough).solve(rows)
+            clear = np.nan_to_num(states.clearance, nan=-np.inf) >= self.clearance
+            kept &= states.converged & states.stable & states.in_limits(self._robot) & clear
+            solved.append(states)
+        return kept, solved[0]
 
     def _judge_states(self, states: SolvedStates) -> _Failure | None:
         """Returns the first failure of a state by itself, or None."""

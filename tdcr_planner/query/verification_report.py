@@ -12,6 +12,21 @@ from tdcr_planner.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
+class FrictionSpread:
+    """How far friction moves the body along a path.
+
+    Attributes:
+        spread_m: The most that a disk moves against its place without friction, m.
+        state: Index of the state at which it does.
+        direction: How the tendons slide there, in words.
+    """
+
+    spread_m: float
+    state: int
+    direction: str
+
+
+@dataclass(frozen=True)
 class VerificationReport:
     """What the reference says of each of the k states of a path.
 
@@ -31,6 +46,7 @@ class VerificationReport:
         model_positions: Disk centres by the shape model, shape (k, d, 3), m, world frame; None without one.
         cause: "", "statics", "limits", "self_collision", "goal", "jump", "clearance" or "time".
         worst_state: Index of the state that failed, or of the smallest clearance.
+        friction: How far friction moves the body; None for a robot without it, or where it was not judged.
     """
 
     verified: bool
@@ -45,6 +61,7 @@ class VerificationReport:
     model_positions: FloatArray | None = None
     cause: str = ""
     worst_state: int = 0
+    friction: FrictionSpread | None = None
 
     def __repr__(self) -> str:
         """Returns the verdict and the worst values; the arrays of a path are too long to read."""

@@ -14,6 +14,7 @@ from tdcr_planner.planning.robot_limits import RobotLimits
 from tdcr_planner.planning.scenario import Validity
 from tdcr_planner.planning.validity import planning_margins
 from tdcr_planner.query.session import PlanningSession
+from tdcr_planner.robot import refuse_unknown
 from tdcr_planner.shape.base import ShapeModel
 from tdcr_planner.shape.registry import SHAPE_MODELS
 
@@ -77,9 +78,14 @@ class LiveScene:
     """
 
     def __init__(self, session: PlanningSession) -> None:
-        """Prepares the scene; a shape model is loaded at its first use."""
+        """Prepares the scene; a shape model is loaded at its first use.
+
+        Raises:
+            InputError: The robot has what the live view's sliders do not know.
+        """
         self.session = session
         self.robot = session.scenario.robot
+        refuse_unknown(self.robot, (), "the live view")
         has_file = session.scenario.shape_model_path is not None
         self.models = tuple(name for name, kind in SHAPE_MODELS.usable() if has_file or not kind.needs_file)
         self._limits = RobotLimits(self.robot)

@@ -115,7 +115,7 @@ def goal_marks(scenario: Scenario, contacts: Sequence[Mark] = ()) -> tuple[Mark,
     space, marks = ConfigurationSpace(scenario), []
     part = contacts[0].label.removeprefix("contact of ") if contacts else ""
     for number, goal in enumerate(scenario.goals, start=1):
-        if goal.bending_n is None:
+        if not goal.is_configuration:
             continue
         label = "goal configuration" if len(scenario.goals) == 1 else f"configuration of goal {number}"
         row = space.row_of(goal)

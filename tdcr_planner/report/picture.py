@@ -18,7 +18,7 @@ from tdcr_planner.planning.scenario import Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.report.body_mesh import tested_body
 from tdcr_planner.report.marks import Mark, contact_marks, goal_marks, marks_of
-from tdcr_planner.report.reference_poses import reference_shapes
+from tdcr_planner.report.reference_poses import reference_shapes, reference_tensions
 from tdcr_planner.robot import RobotSpec
 
 if TYPE_CHECKING:
@@ -228,7 +228,7 @@ def gather_scenario_picture(scenario: Scenario, status: str = "scenario", messag
         rotations=rotations,
         model_positions=None,
         model_name=scenario.planner.validity,
-        tensions=space.actuate(row).tensions,
+        tensions=reference_tensions(scenario, row),
         insertion=space.insertion(row),
         roll=space.roll(row),
         clearance=unknown,
@@ -303,7 +303,7 @@ def _goal_marks(scenario: Scenario) -> tuple[GoalMark, ...]:
             if goal.view_direction is not None:
                 direction = np.asarray(goal.view_direction) / np.linalg.norm(goal.view_direction)
             marks.append(GoalMark(np.asarray(goal.tip_position_m), goal.tip_tolerance_m, direction))
-        elif goal.bending_n is not None:
+        elif goal.is_configuration:
             row = space.row_of(goal)[None]
             positions, _ = reference_shapes(scenario, row)
             if np.isfinite(positions).all():

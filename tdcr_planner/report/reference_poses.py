@@ -29,3 +29,19 @@ def reference_shapes(scenario: Scenario, rows: FloatArray) -> tuple[FloatArray, 
     positions[~poses.solved] = np.nan
     rotations[~poses.solved] = np.nan
     return positions, rotations
+
+
+def reference_tensions(scenario: Scenario, rows: FloatArray) -> FloatArray:
+    """Returns the tensions of configurations (n, dimension), shape (n, t), N: those set, or the reference's.
+
+    NaN where the drive sets displacements and the reference found no shape.
+    """
+    from tdcr_planner.shape.reference import ReferenceShape
+
+    actuation = ConfigurationSpace(scenario).actuate(rows)
+    if scenario.robot.drive.kind == "tension":
+        return actuation.tensions
+    solution = ReferenceShape(scenario.robot).solve(
+        actuation.tensions, gravity=actuation.gravity, tip_force=actuation.tip_force
+    )
+    return solution.tensions

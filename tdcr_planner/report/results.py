@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -26,10 +27,11 @@ from tdcr_planner.files import (
     sha256_of_file,
     write_folder_whole,
 )
+from tdcr_planner.planning.coordinates import drive_key
 from tdcr_planner.planning.path import TensionPath
 from tdcr_planner.planning.scenario import PlannerSettings, Scenario, load_scenario
 from tdcr_planner.query.result import PlanResult, PlanStatus
-from tdcr_planner.query.verification_report import VerificationReport
+from tdcr_planner.query.verification_report import FrictionSpread, VerificationReport
 from tdcr_planner.report.plain import plain_json
 from tdcr_planner.report.state_files import MOST_STATES, read_shapes, write_shapes, write_trajectory_csv
 
@@ -47,7 +49,10 @@ _Row = list[_Number]
 class _PathTable(FileModel):
     """The states of a path, k rows each; keys carry the units."""
 
-    bending_n: list[list[tuple[float, float]]]
+    bending_n: list[list[tuple[float, float]]] = []
+    bending_m: list[list[tuple[float, float]]] = []
+    tendon_n: list[list[float]] = []
+    tendon_m: list[list[float]] = []
     insertion_m: Annotated[list[float], Field(min_length=1, max_length=MOST_STATES)]
     roll_deg: list[float]
     tensions_n: list[list[NotNegative]]
@@ -72,11 +77,20 @@ class _Worst(FileModel):
     clearance_m: _Number
 
 
+class _FrictionTable(FileModel):
+    """How far friction moves the body."""
+
+    spread_m: NotNegative
+    state: Count
+    direction: str
+
+
 class _VerificationTable(FileModel):
     """What the reference says of the path, with one entry a state in the arrays."""
 
     verified: bool
     message: str
+    friction: _FrictionTable | None = None
     states: Count
     cause: str
     worst_state: Count
@@ -257,7 +271,7 @@ def result_content(result: PlanResult, folder: Path) -> dict[str, Any]:
             **result.planner,
             "settings": scenario.planner.model_dump(mode="json"),
         },
-        "path": None if result.path is None else _path_content(result.path),
+        "path": None if result.path is None else _path_content(result.path, drive_key(scenario.robot)),
         "verification": None
         if result.verification is None
         else _verification_content(result.verification, result.repairs),
@@ -284,9 +298,9 @@ def _input_hashes(scenario: Scenario) -> dict[str, str]:
     return hashes
 
 
-def _path_content(path: TensionPath) -> dict[str, Any]:
+def _path_content(path: TensionPath, drive: str) -> dict[str, Any]:
     return {
-        "bending_n": path.bending,
+        drive: path.bending if drive.startswith("bending") else path.drive,
         "insertion_m": path.insertion,
         "roll_deg": np.rad2deg(path.roll),
         "tensions_n": path.tensions,
@@ -298,7 +312,8 @@ def _path_content(path: TensionPath) -> dict[str, Any]:
 
 
 def _verification_content(report: VerificationReport, repairs: int) -> dict[str, Any]:
-    return {
+    friction = {} if report.friction is None else {"friction": asdict(report.friction)}
+    return friction | {
         "verified": report.verified,
         "message": report.message,
         "states": report.states,
@@ -418,8 +433,11 @@ def _read_path(table: _PathTable, scenario: Scenario, file: Path) -> TensionPath
     def read(key: str, *shape: int) -> FloatArray:
         return _read_array(getattr(table, key), (count, *shape), file, f"path.{key}")
 
+    key = drive_key(robot)
+    values = read(key, *((robot.segment_count, 2) if key.startswith("bending") else (robot.tendon_count,)))
     return TensionPath(
-        bending=read("bending_n", robot.segment_count, 2),
+        bending=values if key.startswith("bending") else np.zeros((count, robot.segment_count, 2)),
+        drive=None if key == "bending_n" else values.reshape(count, -1),
         insertion=read("insertion_m"),
         roll=np.deg2rad(read("roll_deg")),
         tensions=read("tensions_n", robot.tendon_count),
@@ -459,4 +477,5 @@ def _read_verification(table: _ResultFile, count: int, scenario: Scenario, file:
         model_positions=shapes.get("model_positions_m"),
         cause=verification.cause,
         worst_state=verification.worst_state,
+        friction=None if verification.friction is None else FrictionSpread(**verification.friction.model_dump()),
     )

@@ -45,11 +45,12 @@ def tendon_lines(robot: RobotSpec, positions: FloatArray, rotations: FloatArray)
         positions: Shape (d, 3), m.
         rotations: Shape (d, 3, 3).
     """
-    ends = np.cumsum([segment.disks for segment in robot.segments])
     lines = []
-    for offset, segment in zip(robot.tendon_offsets, robot.tendon_segments, strict=True):
-        last = int(ends[segment]) + 1
-        lines.append(positions[:last] + rotations[:last] @ offset)
+    for tendon in robot.tendons:
+        disks = slice(tendon.start_disk, tendon.end_disk + 1)
+        across = tendon.offsets(robot.arc_lengths[disks])
+        offsets = np.concatenate([across, np.zeros((len(across), 1))], axis=1)
+        lines.append(positions[disks] + (rotations[disks] @ offsets[:, :, None])[:, :, 0])
     return lines
 
 

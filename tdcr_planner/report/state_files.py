@@ -14,6 +14,7 @@ from tdcr_planner.array_schema import ArraySchema, ArraySpec, read_arrays
 from tdcr_planner.arrays import FloatArray
 from tdcr_planner.errors import FormatError
 from tdcr_planner.files import sha256_of_file
+from tdcr_planner.planning.coordinates import drive_key
 from tdcr_planner.query.result import PlanResult
 
 _log = logging.getLogger(__name__)
@@ -40,7 +41,10 @@ def trajectory_table(result: PlanResult) -> tuple[list[str], FloatArray]:
     """Returns the columns of the trajectory, units in their names, and its rows, shape (k, columns)."""
     robot = result.scenario.robot
     names = ["time_s", "insertion_m", "roll_deg"]
-    names += [f"bending_{segment + 1}_{axis}_n" for segment in range(robot.segment_count) for axis in "xy"]
+    key = drive_key(robot)
+    if key.startswith("bending"):
+        unit = key[-1]
+        names += [f"bending_{segment + 1}_{axis}_{unit}" for segment in range(robot.segment_count) for axis in "xy"]
     names += [f"tension_{tendon + 1}_n" for tendon in range(robot.tendon_count)]
     names += [f"tendon_displacement_{tendon + 1}_m" for tendon in range(robot.tendon_count)]
     names += ["tip_x_m", "tip_y_m", "tip_z_m"]
@@ -51,7 +55,7 @@ def trajectory_table(result: PlanResult) -> tuple[list[str], FloatArray]:
         path.times[:, None],
         path.insertion[:, None],
         np.rad2deg(path.roll)[:, None],
-        path.bending.reshape(len(path), -1),
+        *([path.bending.reshape(len(path), -1)] if key.startswith("bending") else []),
         path.tensions,
         path.tendon_displacements,
         path.tip_positions,

@@ -32,11 +32,13 @@ class DiskPoses:
         rotations: base_from_disk, shape (n, d, 3, 3).
         solved: Shape (n,); false where the model has no shape to offer (the reference did not converge). Poses of
             such a row must not be used.
+        tensions: Shape (n, t), N, where the drive sets displacements and the model solves for them; else None.
     """
 
     positions: FloatArray
     rotations: FloatArray
     solved: BoolArray
+    tensions: FloatArray | None = None
 
 
 class ShapeModel(ABC):
@@ -53,6 +55,7 @@ class ShapeModel(ABC):
         needs_file: Whether it is loaded from the file that the scenario names as its shape_model.
         has_error_bound: Whether it states a bound on its error, so that verdicts with and without it differ.
         is_fast: Whether thousands of shapes in a call cost little; goal states are sampled more sparsely without it.
+        knows: Names, of `robot.FEATURES`, of what it knows beyond what a version 1 robot file can say.
         domain_is_box: Whether its domain is a box of tensions from 0 and a ball for each load, so that the largest
             tensions stand for all.
         robot: The robot whose shape it gives.
@@ -69,6 +72,7 @@ class ShapeModel(ABC):
     needs_file: ClassVar[bool] = False
     has_error_bound: ClassVar[bool] = False
     is_fast: ClassVar[bool] = True
+    knows: ClassVar[frozenset[str]] = frozenset()
     domain_is_box: ClassVar[bool] = False
 
     robot: RobotSpec
@@ -106,7 +110,8 @@ class ShapeModel(ABC):
         """Returns the disk poses of a batch.
 
         Args:
-            tensions: Shape (n, t), N, one column a tendon in the robot file's order.
+            tensions: Shape (n, t), N, one column a tendon in the robot file's order; displacements, m, of a robot that
+                is driven by displacement, for the models that know such robots.
             gravity: Shape (3,) or (n, 3), m/s^2, base frame; None for none.
             tip_force: Shape (3,) or (n, 3), N, base frame, at the last disk; None for none.
 
@@ -170,6 +175,8 @@ class ShapeModel(ABC):
 
     def warm_up(self) -> None:
         """Answers a few times, so that what the first answers cost is no part of a query's time."""
-        pretensions = self.robot.pretensions[None]
+        at_rest = self.robot.pretensions[None]
+        if self.robot.drive.kind == "displacement":
+            at_rest = np.zeros_like(at_rest)
         for _ in range(WARM_UPS):
-            self.disk_poses(pretensions)
+            self.disk_poses(at_rest)

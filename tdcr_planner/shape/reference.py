@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tdcr_planner.arrays import FloatArray
-from tdcr_planner.robot import RobotSpec
+from tdcr_planner.robot import FEATURES, RobotSpec
 from tdcr_planner.shape.base import DiskPoses, ShapeModel
-from tdcr_planner.statics.solver import RodSolution, SolverSettings, solve_statics
+from tdcr_planner.statics.driven import solve_driven
+from tdcr_planner.statics.solver import RodSolution, SolverSettings
 
 
 class ReferenceShape(ShapeModel):
-    """Disk poses from `solve_statics`.
+    """Disk poses from `solve_statics`: of tensions, or of displacements where the robot's drive sets them.
+
+    Friction is left out: where it counts, verification asks for it.
 
     A row counts as solved when an equilibrium was found and it is stable: an unstable one is no shape the robot keeps.
     """
@@ -25,6 +28,7 @@ class ReferenceShape(ShapeModel):
     colour = "#1F2933"
     marker = "s"
     is_fast = False
+    knows = frozenset(FEATURES)
 
     def __init__(self, robot: RobotSpec, settings: SolverSettings | None = None) -> None:
         """Prepares the reference for a robot with the solver's settings, the default ones if none are given."""
@@ -46,7 +50,8 @@ class ReferenceShape(ShapeModel):
     ) -> DiskPoses:
         """Returns the disk poses of a batch; see `ShapeModel.disk_poses`."""
         solution = self.solve(tensions, gravity=gravity, tip_force=tip_force)
-        return DiskPoses(solution.positions, solution.rotations, solution.converged & solution.stable)
+        found = solution.tensions if self.robot.drive.kind == "displacement" else None
+        return DiskPoses(solution.positions, solution.rotations, solution.converged & solution.stable, found)
 
     def solve(
         self,
@@ -56,7 +61,7 @@ class ReferenceShape(ShapeModel):
         tip_force: ArrayLike | None = None,
         initial: RodSolution | None = None,
     ) -> RodSolution:
-        """Returns the whole solution, warm-started from `initial` where given; see `solve_statics`."""
-        return solve_statics(
+        """Returns the whole solution, warm-started from `initial` where given; see `solve_driven`."""
+        return solve_driven(
             self.robot, tensions, gravity=gravity, tip_force=tip_force, initial=initial, settings=self.settings
         )

@@ -12,6 +12,7 @@ from tdcr_planner.planning.scenario import Goal, Scenario
 from tdcr_planner.planning.spaces import ConfigurationSpace
 from tdcr_planner.query.solved_states import BATCH
 from tdcr_planner.query.verification import Verifier
+from tdcr_planner.query.verification_report import VerificationReport
 from tdcr_planner.robot import RobotSpec
 from tdcr_planner.shape.base import DiskPoses
 from tdcr_planner.shape.constant_curvature import ConstantCurvatureShape
@@ -234,3 +235,29 @@ def test_the_step_is_no_margin(verifier_at: Callable[..., Verifier], step: float
     for spare, verified in ((2e-6, True), (-2e-6, False)):
         report, _ = verifier_at(reach + 0.01 + 0.001 + spare, step=step).verify(PATH)
         assert report.verified == verified
+
+
+def test_a_wall_that_only_friction_reaches_refuses_the_path(make_scenario: Callable[..., Scenario]) -> None:
+    bent = [[0.002, 0.0], [0.0, 0.001], [0.0, 0.0]]
+    more = [[0.0025, 0.0], [0.0, 0.001], [0.0, 0.0]]
+    planner = {"validity": "reference", "step_m": 0.01}
+    bench = make_scenario("bench", start={"bending_m": bent}, goal={"bending_m": more}, planner=planner)
+    space = ConfigurationSpace(bench)
+    rows = np.stack([space.row_of(bench.file.start), space.row_of(bench.goals[0])])
+
+    def judge(place: float) -> VerificationReport:
+        verifier = Verifier(space, WallScene(place), step=0.01, clearance=0.001)  # type: ignore[arg-type]
+        return verifier.verify(rows)[0]
+
+    far = judge(1.0)
+    assert far.verified
+    assert far.friction is not None
+    # A tendon that turns by 0.6 rad loses 6 % of what holds the tip 60 mm aside, and the drive makes up for most of it.
+    assert 1e-4 < far.friction.spread_m < 0.005
+    free_of_friction = 1.0 - 0.01 - far.positions[:, 1:, 0].max()
+    with_friction = far.clearance.min()
+    assert with_friction < free_of_friction - 1e-4
+    near = judge(1.0 - 0.5 * (with_friction + free_of_friction) + 0.001)
+    assert not near.verified
+    assert "sliding" in near.message
+    assert near.cause == "clearance"

@@ -154,7 +154,8 @@ def test_modules_are_those_that_the_files_store() -> None:
         inputs = [torch.as_tensor(generator.uniform(0.0, 1.0, (20, 3))) for _ in range(3)]
         with torch.inference_mode():
             for mine, theirs in zip(model.torch_module(*inputs), stored(*inputs), strict=True):
-                assert torch.equal(mine, theirs)
+                # Both do the same sums of the rod's constants, which the file rounds where its training stood.
+                torch.testing.assert_close(mine, theirs, rtol=0.0, atol=1e-14)
 
 
 def write_foreign_model(path: Path, written: Path, kind: str) -> None:
