@@ -173,7 +173,7 @@ def test_info_counts_the_jobs_of_a_suite(root: Path, capsys: pytest.CaptureFixtu
     assert run(["info", str(root / "scenes/benchmark.toml")]) == 0
     text = capsys.readouterr().out
     assert "370 jobs" in text  # 37 scenarios, 10 seeds, one planner, one model
-    assert text.count("scenario_") == 33
+    assert text.count("scenario_") == 37
     assert max(map(len, text.splitlines())) <= 80
 
 

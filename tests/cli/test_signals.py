@@ -62,8 +62,9 @@ def run_program(number: str, body: str, before: str = "") -> subprocess.Complete
     + [("SIGINT", body) for body in list(BODIES)[1:]],
 )
 def test_a_signal_is_one_line_and_exit_code_1(number: str, body: str) -> None:
-    # In the background of a script SIGINT is ignored, and this test may run there.
-    done = run_program(number, BODIES[body], "signal.signal(signal.SIGINT, signal.default_int_handler)")
+    # In the background of a script SIGINT is ignored, and under nohup SIGHUP; this test may run there.
+    heard = "signal.signal(signal.SIGINT, signal.default_int_handler)\nsignal.signal(signal.SIGHUP, signal.SIG_DFL)"
+    done = run_program(number, BODIES[body], heard)
     (line,) = done.stderr.splitlines()
     assert line == "interrupted: no file is left half-written, and what was finished before is kept"
     assert done.returncode == 1
