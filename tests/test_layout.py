@@ -156,6 +156,7 @@ COVERED = {
     "statics/chord.py": "statics/test_routing.py",
     "statics/cross_section.py": "statics/test_routing.py",
     "statics/cut_loads.py": "statics/test_solver.py",
+    "statics/driven.py": "statics/test_drive.py",
     "statics/drive_settings.py": "statics/test_drive.py",
     "statics/friction.py": "statics/test_sequence.py",
     "statics/integration.py": "statics/test_solver.py",
