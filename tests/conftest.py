@@ -153,7 +153,7 @@ class Cluster:
         while not file.exists() or not file.stat().st_size:
             assert time.monotonic() < deadline
             time.sleep(0.05)
-        self.address = json.loads(file.read_text())["address"]
+        self.address = json.loads(file.read_text(encoding="utf-8"))["address"]
         self.workers: list[subprocess.Popen[bytes]] = []
 
     def add_worker(self) -> None:

@@ -70,7 +70,7 @@ class Project:
         return self.folder / "kernels" / f"{name}.py"
 
     def replace(self, name: str, old: str, new: str) -> None:
-        text = self.file(name).read_text()
+        text = self.file(name).read_text(encoding="utf-8")
         assert text.count(old) == 1
         self.file(name).write_text(text.replace(old, new))
 
@@ -205,12 +205,16 @@ def test_a_folder_that_others_can_write_to_is_not_read(filled: Project, kind: st
 
 
 def kernel_files() -> list[Path]:
-    return [path for path in sorted(PACKAGE.rglob("*.py")) if "njit" in path.read_text() and path.name != "compiled.py"]
+    return [
+        path
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if "njit" in path.read_text(encoding="utf-8") and path.name != "compiled.py"
+    ]
 
 
 @pytest.mark.parametrize("path", kernel_files(), ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_every_kernel_has_the_decorator_whose_cache_is_never_stale(path: Path) -> None:
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module == "numba":
             assert "njit" not in [name.name for name in node.names]
         assert not (isinstance(node, ast.Attribute) and node.attr in ("njit", "jit", "vectorize", "guvectorize"))

@@ -93,11 +93,11 @@ def test_write_file_whole_replaces_only_on_success(tmp_path: Path) -> None:
     target = tmp_path / "deep" / "a.txt"
     with write_file_whole(target) as temporary:
         temporary.write_text("first")
-    assert target.read_text() == "first"
+    assert target.read_text(encoding="utf-8") == "first"
     with pytest.raises(KeyboardInterrupt), write_file_whole(target) as temporary:
         temporary.write_text("half")
         raise KeyboardInterrupt
-    assert target.read_text() == "first"
+    assert target.read_text(encoding="utf-8") == "first"
     assert [item.name for item in target.parent.iterdir()] == ["a.txt"]
 
 
@@ -112,7 +112,7 @@ def test_a_full_disk_is_named_and_changes_nothing(write: Callable[..., Any], tmp
         raise OSError(errno.ENOSPC, "No space left on device")
     assert [path for path in sorted(tmp_path.iterdir()) if path in before or path.is_file()] == before
     assert not list(tmp_path.rglob("a.txt"))
-    assert not target.is_file() or target.read_text() == "old"
+    assert not target.is_file() or target.read_text(encoding="utf-8") == "old"
     with pytest.raises(PermissionError), write(target):
         raise PermissionError("another fault passes as it is")
 
@@ -125,7 +125,7 @@ def test_write_folder_whole_keeps_the_old_set_on_failure(tmp_path: Path) -> None
         (staging / "a.csv").write_text("2")
         raise RuntimeError
     assert sorted(item.name for item in tmp_path.iterdir()) == ["a.csv", "result.json"]
-    assert (tmp_path / "a.csv").read_text() == "1"
+    assert (tmp_path / "a.csv").read_text(encoding="utf-8") == "1"
 
 
 def test_unwritable_folder_is_refused(tmp_path: Path) -> None:

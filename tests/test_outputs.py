@@ -50,10 +50,10 @@ def test_a_link_is_followed_and_stays(tmp_path: Path) -> None:
     (tmp_path / "link.txt").symlink_to("elsewhere/real.txt")
     write(tmp_path / "link.txt")
     assert (tmp_path / "link.txt").is_symlink()
-    assert (tmp_path / "elsewhere" / "real.txt").read_text() == "new"
+    assert (tmp_path / "elsewhere" / "real.txt").read_text(encoding="utf-8") == "new"
     (tmp_path / "later.txt").symlink_to("elsewhere/later.txt")
     write(tmp_path / "later.txt")
-    assert (tmp_path / "elsewhere" / "later.txt").read_text() == "new"
+    assert (tmp_path / "elsewhere" / "later.txt").read_text(encoding="utf-8") == "new"
 
 
 def test_a_set_of_files_follows_links_too(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_a_set_of_files_follows_links_too(tmp_path: Path) -> None:
         for name in ("a.csv", "result.json"):
             (staging / name).write_text("new")
     assert (tmp_path / "out" / "a.csv").is_symlink()
-    assert (tmp_path / "elsewhere" / "a.csv").read_text() == "new"
+    assert (tmp_path / "elsewhere" / "a.csv").read_text(encoding="utf-8") == "new"
     assert left_over(tmp_path / "out") == left_over(tmp_path / "elsewhere") == []
 
 
@@ -94,7 +94,7 @@ def test_a_device_without_room_is_named() -> None:
 def test_a_pipe_is_written_into(tmp_path: Path) -> None:
     pipe, got = tmp_path / "pipe", []
     os.mkfifo(pipe)
-    reader = threading.Thread(target=lambda: got.append(pipe.read_text()))
+    reader = threading.Thread(target=lambda: got.append(pipe.read_text(encoding="utf-8")))
     reader.start()
     while True:  # until the reader has opened it
         try:
@@ -103,7 +103,7 @@ def test_a_pipe_is_written_into(tmp_path: Path) -> None:
         except OSError:
             time.sleep(0.01)
     reader.join()
-    reader = threading.Thread(target=lambda: got.append(pipe.read_text()))
+    reader = threading.Thread(target=lambda: got.append(pipe.read_text(encoding="utf-8")))
     reader.start()
     text = "x" * 300_000  # more than a pipe takes at once
     end = time.monotonic() + 10.0
@@ -194,7 +194,9 @@ def test_many_that_write_into_one_folder_leave_each_other_alone(tmp_path: Path) 
     for thread in threads:
         thread.join()
     assert faults == []
-    assert {item.name: item.read_text() for item in tmp_path.iterdir()} == {str(number): "19" for number in range(8)}
+    assert {item.name: item.read_text(encoding="utf-8") for item in tmp_path.iterdir()} == {
+        str(number): "19" for number in range(8)
+    }
 
 
 def test_where_there_are_no_locks_age_decides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

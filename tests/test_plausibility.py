@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 
 def changed(place: str, key: str, value: Any) -> dict[str, Any]:
     """The inspection robot's table with one value replaced."""
-    table = tomllib.loads((ROOT / "models/robots/inspection.toml").read_text())
+    table = tomllib.loads((ROOT / "models/robots/inspection.toml").read_text(encoding="utf-8"))
     target = table["segments"][0] if place == "segments" else table[place]
     target[key] = value
     return table
@@ -87,7 +87,7 @@ def test_what_cannot_be_is_refused(place: str, key: str, value: Any, message: st
 
 
 def test_tendons_pass_inside_the_disks_of_the_segments_before_theirs() -> None:
-    table = tomllib.loads((ROOT / "models/robots/two_segment.toml").read_text())
+    table = tomllib.loads((ROOT / "models/robots/two_segment.toml").read_text(encoding="utf-8"))
     table["segments"][1] |= {"tendon_circle_radius_m": 0.0085, "disk_radius_m": 0.01}
     message = "segments[2].tendon_circle_radius_m must be below disk_radius_m = 0.008 of segments[1], got 0.0085"
     with pytest.raises(FormatError, match=re.escape(message)):
@@ -117,7 +117,7 @@ SLIPS_2 = [
 
 @pytest.mark.parametrize(("place", "value", "words"), SLIPS_2)
 def test_a_slipped_unit_of_version_2_is_named(place: tuple[str | int, ...], value: Any, words: str) -> None:
-    table: Any = tomllib.loads((ROOT / "models/robots/bench.toml").read_text())
+    table: Any = tomllib.loads((ROOT / "models/robots/bench.toml").read_text(encoding="utf-8"))
     target = table
     for step in place[:-1]:
         target = target[step]

@@ -11,7 +11,6 @@ from tdcr_planner.query.answer import answer_query
 from tdcr_planner.query.environment import Environment
 from tdcr_planner.query.paths import path_rows
 from tdcr_planner.query.result import PlanResult
-from tdcr_planner.query.risk import answer_with_risk
 from tdcr_planner.query.verification_report import VerificationReport
 
 
@@ -37,8 +36,12 @@ class PlanningSession(Environment):
             InputError: The scenario is of another scene, or its planner is not offered.
         """
         query = self.check_same_scene(scenario or self.scenario)
-        answer = answer_query if query.planner.success_probability is None else answer_with_risk
-        return answer(self, query, load_s=load_s, progress=progress)
+        if query.planner.success_probability is None:
+            return answer_query(self, query, load_s=load_s, progress=progress)
+        # Statistics of scipy's, which take a third of a second to import: only such queries pay for it.
+        from tdcr_planner.query.risk import answer_with_risk
+
+        return answer_with_risk(self, query, load_s=load_s, progress=progress)
 
 
 def plan(scenario: Scenario, *, seed: int | None = None, progress: Progress | None = None) -> PlanResult:

@@ -75,7 +75,7 @@ def changed(bench_file: Path, tmp_path: Path) -> Callable[[str, str], Path]:
     """Returns a copy of the bench's file with a text replaced."""
 
     def change(old: str, new: str) -> Path:
-        text = bench_file.read_text()
+        text = bench_file.read_text(encoding="utf-8")
         assert old in text
         path = tmp_path / "bench.csv"
         path.write_text(text.replace(old, new))

@@ -34,13 +34,13 @@ def test_writes_robot_table_residuals_and_figure(root, measured, tmp_path, capsy
     assert "constant curvature" in printed
     names = {file.name for file in tmp_path.iterdir()}
     assert names == {"robot.toml", "parameters.csv", "residuals.csv", "calibration.json", "residuals.png"}
-    content = json.loads((tmp_path / "calibration.json").read_text())
+    content = json.loads((tmp_path / "calibration.json").read_text(encoding="utf-8"))
     assert content["format"] == "tdcr-calibration/1"
     assert content["fitted"] == ["base", "offsets"]
     assert content["error_held_out"]["calibrated"]["rms_m"] < 0.003
     robot = load_robot(tmp_path / "robot.toml")
     assert robot.measured_error.disks_m[-1] == content["measured_error"]["disks_m"][-1]
-    rows = (tmp_path / "parameters.csv").read_text().splitlines()
+    rows = (tmp_path / "parameters.csv").read_text(encoding="utf-8").splitlines()
     assert rows[0] == "parameter,unit,value,standard_error,nominal,determined"
     assert len(rows) == 1 + 6 + 9
     residuals = np.genfromtxt(tmp_path / "residuals.csv", delimiter=",", skip_header=1)

@@ -16,7 +16,7 @@ def test_compares_and_prints_rates(root: Path, tmp_path: Path, capsys: pytest.Ca
     printed = capsys.readouterr().out
     assert "states:    60" in printed
     assert "constant_curvature:" in printed
-    assert json.loads((out / "compare.json").read_text())["samples"] == 60
+    assert json.loads((out / "compare.json").read_text(encoding="utf-8"))["samples"] == 60
 
 
 def test_without_a_shape_model_exits_with_2(

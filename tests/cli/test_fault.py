@@ -36,7 +36,7 @@ def test_a_fault_is_one_sentence_that_names_the_file_of_its_traceback(raising, c
     assert line.startswith("fault of the program (KeyError), not of your input")
     found = re.search(r"\S+tdcr-fault-\S+\.txt", line)
     assert found is not None
-    text = Path(found.group()).read_text()
+    text = Path(found.group()).read_text(encoding="utf-8")
     assert "KeyError: 'gone'" in text
     assert "Traceback" in text
     assert "tdcr-planner " in text

@@ -45,7 +45,7 @@ def _imported(tmp_path: Path, root: Path, *arguments: str, code: int = 0) -> set
     command = [sys.executable, "-c", RUN, str(seen), *arguments]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
     assert done.returncode == code, done.stderr
-    return set(json.loads(seen.read_text()))
+    return set(json.loads(seen.read_text(encoding="utf-8")))
 
 
 @pytest.mark.parametrize(

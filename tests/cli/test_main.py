@@ -66,7 +66,9 @@ def test_solve_prints_the_reference_as_json(root: Path, capsys: pytest.CaptureFi
 def test_solve_writes_a_file(root: Path, tmp_path: Path, name: str) -> None:
     file = root / "models/robots/two_segment.toml"
     assert run(["solve", str(file), "--bending-n", "1,0,0,1", "--out", str(tmp_path / name)]) == 0
-    content = np.load(tmp_path / name) if name.endswith("npz") else json.loads((tmp_path / name).read_text())
+    content = (
+        np.load(tmp_path / name) if name.endswith("npz") else json.loads((tmp_path / name).read_text(encoding="utf-8"))
+    )
     assert np.asarray(content["positions_m"]).shape == (21, 3)
 
 

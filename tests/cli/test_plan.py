@@ -21,7 +21,7 @@ def test_a_plan_without_a_path_says_which_files_are_empty(
     scenario = make_scenario(goal={"tip_position_m": [0.0, 0.0, 5.0]}).path
     assert run(["plan", str(scenario), "--out", str(out), "--time-limit-s", "1"]) == 1
     assert capsys.readouterr().out.splitlines()[-1].strip() == EMPTY
-    assert json.loads((out / "result.json").read_text())["status"] == "invalid_goal"
+    assert json.loads((out / "result.json").read_text(encoding="utf-8"))["status"] == "invalid_goal"
     with (out / "trajectory.csv").open() as stream:
         assert len(list(csv.reader(stream))) == 1
     with np.load(out / "shapes.npz") as shapes:

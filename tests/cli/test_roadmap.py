@@ -43,7 +43,7 @@ def test_a_roadmap_is_built_and_answers_a_plan(
     capsys.readouterr()
     assert run(["plan", str(scenario), "--out", str(tmp_path / "plan"), "--roadmap", str(file)]) == 0
     assert "roadmap:   had the way (40 configurations, " in capsys.readouterr().out
-    planner = json.loads((tmp_path / "plan" / "result.json").read_text())["planner"]
+    planner = json.loads((tmp_path / "plan" / "result.json").read_text(encoding="utf-8"))["planner"]
     assert planner["name"] == "RRTConnect"
     assert planner["iterations"] == 0
     assert planner["roadmap"] == {**Roadmap.load(file).size, "answered": True}
@@ -115,7 +115,7 @@ def test_a_roadmap_of_another_scene_is_refused_by_name(
         ("step_m = 0.004", "step_m = 0.004, clearance_m = 0.001", "clearance_m: 0.0005, less than 0.001"),
         ('"constant_curvature"', '"reference"', "model.name: constant_curvature, not reference"),
     ):
-        text = scenario.read_text()
+        text = scenario.read_text(encoding="utf-8")
         assert old in text
         other = tmp_path / "other.toml"
         other.write_text(text.replace(old, new))

@@ -26,7 +26,7 @@ def test_a_table_and_files_come_out(result_file: Path, tmp_path: Path, capsys: p
     assert "verified for         100 % [39.8, 100] (4 of 4)" in printed
     assert "base angle" in printed
     assert "mass" not in printed
-    content = json.loads((out / "robustness.json").read_text())
+    content = json.loads((out / "robustness.json").read_text(encoding="utf-8"))
     assert content["format"] == "tdcr-robustness/1"
     assert content["tolerances"]["base_position_m"] == 0.0005
     assert set(content["alone"]) == {"youngs_modulus", "tension", "base_position_m", "base_angle_deg"}

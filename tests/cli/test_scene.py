@@ -22,7 +22,7 @@ def test_a_mesh_and_a_robot_make_a_verified_scenario(tmp_path: Path, capsys: pyt
     assert "a robot of 20 mm fits in" in told
     scenario = load_scenario(tmp_path / "out" / "scenario.toml")
     assert scenario.file.meshes[0].role == "cavity"
-    assert json.loads((tmp_path / "out/plan/result.json").read_text())["status"] == "verified"
+    assert json.loads((tmp_path / "out/plan/result.json").read_text(encoding="utf-8"))["status"] == "verified"
 
 
 def test_a_place_without_an_opening_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

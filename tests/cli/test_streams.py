@@ -31,7 +31,7 @@ def in_shell(line: str, **environment: str) -> subprocess.CompletedProcess[str]:
 def robot(tmp_path_factory: pytest.TempPathFactory, root: Path) -> Path:
     """A robot whose name is not ASCII."""
     file = tmp_path_factory.mktemp("robot") / "robot.toml"
-    text = (root / "models/robots/two_segment.toml").read_text()
+    text = (root / "models/robots/two_segment.toml").read_text(encoding="utf-8")
     assert 'name = "two_segment"' in text
     file.write_text(text.replace('name = "two_segment"', 'name = "Gerät"'), encoding="utf-8")
     return file
@@ -53,8 +53,8 @@ def test_a_file_is_not_taken_for_the_closed_output(robot: Path, tmp_path: Path) 
     out = tmp_path / "shape.json"
     done = in_shell(f"{PROGRAM} solve '{robot}' --bending-n 0,0,0,0 --out '{out}' >&- 2>&-")
     assert done.returncode == 0
-    assert out.read_text().startswith('{"format"')
-    assert out.read_text().endswith("}")
+    assert out.read_text(encoding="utf-8").startswith('{"format"')
+    assert out.read_text(encoding="utf-8").endswith("}")
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device without room on this system")

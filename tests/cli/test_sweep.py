@@ -30,7 +30,7 @@ def test_sweeps_writes_a_report_and_goes_on(suite: Path, tmp_path: Path, capsys:
     printed = capsys.readouterr().out
     assert "finished: 2 of 2 jobs, 0 of them in an earlier run" in printed
     assert "RRTConnect, constant_curvature: 2 of 2" in printed
-    assert json.loads((out / "summary.json").read_text())["complete"]
+    assert json.loads((out / "summary.json").read_text(encoding="utf-8"))["complete"]
     before = (out / "results.csv").read_bytes()
     assert run(["sweep", str(suite), "--out", str(out), "--jobs", "1"]) == 0
     assert "2 of 2 jobs, 2 of them in an earlier run" in capsys.readouterr().out
@@ -56,7 +56,7 @@ def test_the_terminal_says_how_the_other_queries_ended(suite: Path) -> None:
 def test_a_suite_that_cannot_be_run_exits_with_2(
     suite: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], change: tuple[str, str], words: str
 ) -> None:
-    suite.write_text(suite.read_text().replace(*change))
+    suite.write_text(suite.read_text(encoding="utf-8").replace(*change))
     assert run(["sweep", str(suite), "--out", str(tmp_path / "out")]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -48,7 +48,7 @@ def test_the_command_writes_a_table_and_a_plot(
     assert run(["compare", str(scenario.path), "--models", str(MODELS / "published.pt"), *options]) == 0
     assert "| published.pt |" in capsys.readouterr().out
     assert {path.name for path in out.iterdir()} == {"compare.json", "compare.md", "error_against_time.png"}
-    content = json.loads((out / "compare.json").read_text())
+    content = json.loads((out / "compare.json").read_text(encoding="utf-8"))
     assert [model["name"] for model in content["models"]] == ["published.pt", "constant curvature", "reference"]
     assert content["models"][0]["plan_s"] is None
     assert run(["compare", str(scenario.path), "--models", "missing.pt", *options]) == 2

@@ -131,7 +131,7 @@ def test_the_outcome_is_told_in_files(write_study: Callable[..., Path], tmp_path
     outcome = run_study(study, tmp_path / "out", here)
     write_design_data(outcome, tmp_path / "out", {})
     assert draw_design(outcome, tmp_path / "out") == ["design.png"]
-    content = json.loads((tmp_path / "out/design.json").read_text())
+    content = json.loads((tmp_path / "out/design.json").read_text(encoding="utf-8"))
     assert content["trials"] == 4
     with (tmp_path / "out/design.csv").open() as stream:
         rows = list(csv.DictReader(stream))

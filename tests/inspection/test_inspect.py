@@ -109,7 +109,7 @@ def test_the_files_say_the_same_and_are_read_again(make_inspection: Make, tmp_pa
     out = tmp_path / "out"
     assert run(["inspect", str(scenario.path), "--out", str(out), "--no-progress"]) == 0
     assert sorted(item.name for item in out.iterdir()) == sorted(INSPECTION_FILES)
-    content = json.loads((out / "result.json").read_text())
+    content = json.loads((out / "result.json").read_text(encoding="utf-8"))
     assert content["status"] == "verified"
     with (out / "coverage.csv").open() as stream:
         rows = list(csv.DictReader(stream))
@@ -148,7 +148,9 @@ def test_the_path_comes_back_when_it_is_asked_to(make_inspection: Make) -> None:
 
 def test_a_start_in_collision_is_a_status(make_inspection: Make) -> None:
     scenario = make_inspection(**FACE)
-    text = scenario.path.read_text().replace("bending_n = [[0.0, 0.0]]", "bending_n = [[0.0, 0.0]]\ninsertion_m = 0.05")
+    text = scenario.path.read_text(encoding="utf-8").replace(
+        "bending_n = [[0.0, 0.0]]", "bending_n = [[0.0, 0.0]]\ninsertion_m = 0.05"
+    )
     scenario.path.write_text(
         text.replace("insertion_m = [0.0, 0.05]", "insertion_m = [0.0, 0.2]").replace("= 0.05\n", "= 0.12\n")
     )

@@ -64,7 +64,7 @@ def test_the_command_writes_a_row_a_cell(make_inspection: Make, tmp_path: Path) 
     options = ["--out", str(out), "--cells", "200", "--time-limit-s", "1", "--no-progress", "--against", str(scenario)]
     assert run(["reach", str(scenario), *options]) == 0
     assert sorted(item.name for item in out.iterdir()) == sorted(REACH_FILES)
-    content = json.loads((out / "reach.json").read_text())
+    content = json.loads((out / "reach.json").read_text(encoding="utf-8"))
     with (out / "reach.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == np.prod(content["grid"]["shape"]) == sum(content["cells"].values())

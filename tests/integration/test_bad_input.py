@@ -36,7 +36,7 @@ class Workplace:
         box.apply_translation((300.0, 0.0, 0.0))
         box.export(folder / "box.stl")
         (folder / "model.pt").write_bytes(self.model)
-        self.robot = (ROOT / "models/robots/inspection.toml").read_text()
+        self.robot = (ROOT / "models/robots/inspection.toml").read_text(encoding="utf-8")
         self.write()
 
     def write(self, **changes: str | None) -> None:
@@ -142,7 +142,7 @@ def test_a_fault_is_named_and_the_earlier_result_stays(
     for part in named:
         assert part in error, error
     assert [item.name for item in workplace.out.iterdir()] == ["result.json"]
-    assert (workplace.out / "result.json").read_text() == "the earlier result"
+    assert (workplace.out / "result.json").read_text(encoding="utf-8") == "the earlier result"
 
 
 STATUSES = {
@@ -176,7 +176,7 @@ def test_what_cannot_be_had_is_a_status_in_a_complete_result(
     changes, status, named = STATUSES[case]
     workplace.write(**changes)
     assert workplace.plan() == 1
-    content = json.loads((workplace.out / "result.json").read_text())
+    content = json.loads((workplace.out / "result.json").read_text(encoding="utf-8"))
     assert content["status"] == status
     assert content["path"] is None
     for part in named:

@@ -118,7 +118,7 @@ def tdcr(site, monkeypatch, capsys):
 def test_a_package_s_model_and_planner_plan_compare_and_sweep(tdcr, scenario_file, tmp_path):
     code, out, err = tdcr("plan", scenario_file, "--out", tmp_path / "plan", "--no-progress")
     assert code == 0, out + err
-    result = json.loads((tmp_path / "plan/result.json").read_text())
+    result = json.loads((tmp_path / "plan/result.json").read_text(encoding="utf-8"))
     assert (result["status"], result["planner"]["name"]) == ("verified", "StraightLine")
     # The package that takes other names is told of, once a name.
     assert err.count("bad-plugin registers a shape model 'reference'") == 1
@@ -129,7 +129,7 @@ def test_a_package_s_model_and_planner_plan_compare_and_sweep(tdcr, scenario_fil
         "--jobs", "1", "--out", tmp_path / "compare", "--no-progress",
     )  # fmt: skip
     assert code == 0, out + err
-    compared = json.loads((tmp_path / "compare/compare.json").read_text())
+    compared = json.loads((tmp_path / "compare/compare.json").read_text(encoding="utf-8"))
     assert {"stiff_arcs", "stiff_arcs_as_planned", "constant_curvature"} <= set(compared["variants"])
     assert [entry["model"] for entry in compared["times"]] == ["stiff_arcs", "constant_curvature", "reference"]
 
@@ -156,7 +156,11 @@ def test_a_package_that_cannot_be_imported_is_named_and_all_else_works(tdcr, sce
 def test_a_role_of_meshes_is_one_entry_of_their_table(scenario_file, monkeypatch, tmp_path):
     lumen = replace(CAVITY, name="lumen", wall=replace(CAVITY.wall, shades=("#113355", "#AACCEE")))
     monkeypatch.setitem(MESH_ROLES, "lumen", lumen)
-    text = scenario_file.read_text().replace('"obstacle"', '"lumen"').replace("stiff_arcs", "constant_curvature")
+    text = (
+        scenario_file.read_text(encoding="utf-8")
+        .replace('"obstacle"', '"lumen"')
+        .replace("stiff_arcs", "constant_curvature")
+    )
     scenario_file.write_text(text.replace("StraightLine", "RRTConnect"))
     trimesh.creation.box((400.0, 400.0, 900.0)).export(tmp_path / "box.stl")
     result = plan(load_scenario(scenario_file), seed=1)

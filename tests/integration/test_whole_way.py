@@ -56,7 +56,7 @@ def test_plan_writes_every_file_of_a_result(elbow: Path) -> None:
         "path.html",
         "shapes.npz",
     }
-    content = json.loads((elbow / "result.json").read_text())
+    content = json.loads((elbow / "result.json").read_text(encoding="utf-8"))
     assert content["format"] == "tdcr-result/1"
     assert content["status"] == "verified"
     assert content["verification"]["verified"] is True
@@ -79,7 +79,7 @@ def test_a_written_result_is_verified_again(elbow: Path, capsys: pytest.CaptureF
 def test_a_result_whose_path_was_tampered_with_is_not_verified(elbow: Path, tmp_path: Path) -> None:
     for item in elbow.iterdir():
         shutil.copy(item, tmp_path)
-    content = json.loads((tmp_path / "result.json").read_text())
+    content = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
     middle = len(content["path"]["bending_n"]) // 2
     content["path"]["bending_n"][middle] = [[3.0, 0.0]]
     content["scenario"] = content["scenario_absolute"]

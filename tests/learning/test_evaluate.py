@@ -129,7 +129,7 @@ def test_evaluate_command_writes_tables_and_plots(small_model, tmp_path, capsys)
         "error_by_load.png",
         "error_over_actuation.png",
     }
-    content = json.loads((out / "evaluation.json").read_text())
+    content = json.loads((out / "evaluation.json").read_text(encoding="utf-8"))
     assert content["model_sha256"] == small_model.sha256
     assert len(content["accuracy"][0]["position_median_mm"]) == small_model.robot.disk_count
 
@@ -157,7 +157,7 @@ def test_evaluate_command_sets_several_models_side_by_side(root, tmp_path, capsy
     assert "| model | robot | median mm |" in shown
     assert "Bound by state, planner cases" in shown
     assert {path.name for path in out.iterdir()} == {"evaluation.json", "evaluation.md", "error_against_time.png"}
-    models = json.loads((out / "evaluation.json").read_text())["models"]
+    models = json.loads((out / "evaluation.json").read_text(encoding="utf-8"))["models"]
     assert [Path(model["model"]).name for model in models] == ["model.pt", "published.pt"]
     assert len(models[1]["margin"]["planner"]["deciles"]) == 10
     with pytest.raises(InputError, match="a model file or more"):

@@ -33,7 +33,7 @@ def test_a_small_weight_leaves_the_robot_as_its_file_says(small_robot, bench):
 
 
 def test_tensions_in_the_wrong_unit_are_explained_by_no_stiffness(small_robot, write_csv, bench):
-    header, *lines = (line.split(",") for line in bench.read_text().splitlines())
+    header, *lines = (line.split(",") for line in bench.read_text(encoding="utf-8").splitlines())
     scaled = [[*(f"{1e-3 * float(value):.9g}" for value in line[:3]), *line[3:]] for line in lines]
     measured = read_measured_shapes(write_csv(bench, header, scaled), small_robot)
     with pytest.raises(FormatError, match="no stiffness explains the shapes.*are the units newton"):

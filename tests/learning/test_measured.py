@@ -11,7 +11,7 @@ from tdcr_planner.learning.measured import read_measured_shapes
 
 
 def change(path, old, new):
-    text = path.read_text()
+    text = path.read_text(encoding="utf-8")
     assert old in text
     path.write_text(text.replace(old, new))
 
@@ -27,7 +27,7 @@ def test_reads_what_was_measured(small_robot, bench):
 
 def test_tensions_count_from_one_as_in_a_trajectory_or_from_zero(small_robot, bench):
     from_zero = read_measured_shapes(bench, small_robot)
-    header, rest = bench.read_text().split("\n", 1)
+    header, rest = bench.read_text(encoding="utf-8").split("\n", 1)
     for tendon in (2, 1, 0):
         header = header.replace(f"tension_{tendon}_n", f"tension_{tendon + 1}_n")
     bench.write_text(header + "\n" + rest)
@@ -40,7 +40,7 @@ def test_tensions_count_from_one_as_in_a_trajectory_or_from_zero(small_robot, be
 
 def test_a_table_as_a_spreadsheet_saves_it(small_robot, bench):
     expected = read_measured_shapes(bench, small_robot)
-    text = bench.read_text()
+    text = bench.read_text(encoding="utf-8")
     bench.write_bytes(text.replace("\n", "\r\n").encode("utf-8-sig"))
     np.testing.assert_array_equal(read_measured_shapes(bench, small_robot).positions, expected.positions)
     bench.write_text(text.replace(",", ";"))
@@ -62,7 +62,7 @@ def test_a_fault_is_named_as_the_file_counts(small_robot, write_csv, tmp_path):
 
 
 def test_an_unseen_marker_is_an_empty_field(small_robot, bench):
-    lines = bench.read_text().splitlines()
+    lines = bench.read_text(encoding="utf-8").splitlines()
     fields = lines[3].split(",")
     fields[6:9] = ["", "", ""]
     bench.write_text("\n".join([*lines[:3], ",".join(fields), *lines[4:]]))

@@ -246,7 +246,7 @@ def test_more_clearance_and_a_finer_step_serve_less_and_coarser(post):
 
 def test_what_a_roadmap_was_made_for_is_told_from_what_is_asked(post):
     roadmap = build(post, vertices=5)
-    text = post.scenario.path.read_text()
+    text = post.scenario.path.read_text(encoding="utf-8")
     asked = post.scenario.path.with_name("asked.toml")
     format_line = 'format = "tdcr-scenario/1"'
     for old, new, problem in (

@@ -47,11 +47,11 @@ def test_a_robot_with_displacement_drive_and_friction_plans_verified(bench, tmp_
     np.testing.assert_allclose(result.path.tendon_displacements, driven, atol=1e-12)
     assert (result.path.tensions >= 0.0).all()
     write_result_data(result, tmp_path / "out")
-    table = json.loads((tmp_path / "out" / "result.json").read_text())
+    table = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     assert np.shape(table["path"]["bending_m"])[1:] == (3, 2)
     assert "bending_n" not in table["path"]
     assert table["verification"]["friction"]["spread_m"] > 1e-4
-    header = (tmp_path / "out" / "trajectory.csv").read_text().splitlines()[0].split(",")
+    header = (tmp_path / "out" / "trajectory.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
     assert "bending_1_x_m" in header
     again = read_result(tmp_path / "out")
     np.testing.assert_allclose(again.path.drive, result.path.drive)

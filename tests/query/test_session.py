@@ -24,7 +24,7 @@ def session(make_scenario: Callable[..., Scenario]) -> PlanningSession:
 def move(scenario: Scenario, folder: Path, **changes: str) -> Path:
     """Copies a scenario and its mesh into another folder, some text of the scenario replaced."""
     folder.mkdir(parents=True)
-    text = scenario.path.read_text()
+    text = scenario.path.read_text(encoding="utf-8")
     for old, new in changes.items():
         assert old in text
         text = text.replace(old, new)
@@ -72,7 +72,7 @@ FORMAT = 'format = "tdcr-scenario/1"'
     ids=["unit", "role", "robot", "gravity", "tip force", "roll", "shape model"],
 )
 def test_what_makes_another_scene_is_named(session: PlanningSession, old: str, new: str, place: str) -> None:
-    text = session.scenario.path.read_text()
+    text = session.scenario.path.read_text(encoding="utf-8")
     assert old in text
     other = session.scenario.path.with_name("other.toml")
     other.write_text(text.replace(old, new))
@@ -91,7 +91,7 @@ def test_what_makes_another_scene_is_named(session: PlanningSession, old: str, n
     ids=["goal", "planner", "rates", "title"],
 )
 def test_what_does_not_make_another_scene(session: PlanningSession, old: str, new: str) -> None:
-    text = session.scenario.path.read_text()
+    text = session.scenario.path.read_text(encoding="utf-8")
     assert old in text
     other = session.scenario.path.with_name("other.toml")
     other.write_text(text.replace(old, new))

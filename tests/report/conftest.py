@@ -61,7 +61,7 @@ def make_scenario(tmp_path: Path) -> Callable[[str], Scenario]:
         ball = trimesh.creation.icosphere(subdivisions=2, radius=10.0)
         ball.apply_translation([35.0, 5.0, 120.0])
         ball.export(folder / "ball.stl")
-        (folder / "robot.toml").write_text((ROBOTS / f"{robot}.toml").read_text())
+        (folder / "robot.toml").write_text((ROBOTS / f"{robot}.toml").read_text(encoding="utf-8"))
         start = "[[0.0, 0.0], [0.0, 0.0]]" if robot == "two_segment" else "[[0.0, 0.0]]"
         (folder / "scenario_pipe.toml").write_text(SCENARIO.format(start=start))
         return load_scenario(folder / "scenario_pipe.toml")

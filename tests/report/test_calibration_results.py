@@ -54,6 +54,6 @@ def test_a_model_that_bends_too_far_is_seen_as_such(found):
 def test_files_are_written_together_and_the_figure_after_them(found, root, tmp_path):
     write_calibration(found, tmp_path, root / "models/robots/opencr.toml")
     assert draw_calibration(found, tmp_path) == ["residuals.png"]
-    text = (tmp_path / "robot.toml").read_text()
+    text = (tmp_path / "robot.toml").read_text(encoding="utf-8")
     assert text.startswith("# Calibrated by `tdcr calibrate` from opencr.toml and 30 states in bench.csv.")
     assert load_robot(tmp_path / "robot.toml").bench.data == "bench.csv"

@@ -98,7 +98,7 @@ def test_compare_json_has_the_counts_and_rates(comparison):
 
 
 def test_all_files_are_there_and_pictures_show_something(comparison, tmp_path):
-    content = json.loads(write_comparison(comparison, tmp_path / "out").read_text())
+    content = json.loads(write_comparison(comparison, tmp_path / "out").read_text(encoding="utf-8"))
     assert content["pictures"] == ["disagreement_1_constant_curvature_false_valid.png"]
     for name in (*content["pictures"], "rates.png", "agreement.png", "deviation.png", "times.png", "paths.png"):
         assert np.ptp(imread(tmp_path / "out" / name)[..., :3]) > 0.5

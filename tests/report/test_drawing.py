@@ -34,7 +34,7 @@ def test_what_is_no_plain_file_is_left_alone(tmp_path, caplog):
     (tmp_path / "a.png").mkdir()
     (tmp_path / "a.png" / "inside").write_text("kept")
     assert draw_pictures(tmp_path, {"a.png": lambda file: file.write_text("a")}) == []
-    assert (tmp_path / "a.png" / "inside").read_text() == "kept"
+    assert (tmp_path / "a.png" / "inside").read_text(encoding="utf-8") == "kept"
     assert "a.png is not drawn" in caplog.text
 
 

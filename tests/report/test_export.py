@@ -113,7 +113,7 @@ def test_mp4_without_ffmpeg_is_refused(result, picture, tmp_path, monkeypatch):
 
 def test_trajectory_json_is_a_joint_trajectory_and_repeats_the_csv(result, picture, tmp_path):
     export_picture(picture, tmp_path / "path.json", result)
-    content = json.loads((tmp_path / "path.json").read_text())
+    content = json.loads((tmp_path / "path.json").read_text(encoding="utf-8"))
     assert content["joint_names"] == [*(f"tendon_{i}" for i in range(1, 7)), "insertion", "roll"]
     assert len(content["points"]) == len(result.path)
     last = content["points"][-1]
@@ -177,7 +177,7 @@ def test_a_failure_leaves_the_earlier_file(result, picture, tmp_path, monkeypatc
     monkeypatch.setattr(export, "write_glb", fail)
     with pytest.raises(KeyboardInterrupt):
         export_picture(picture, tmp_path / "path.glb", result)
-    assert (tmp_path / "path.glb").read_text() == "earlier"
+    assert (tmp_path / "path.glb").read_text(encoding="utf-8") == "earlier"
 
 
 def test_result_without_a_path_exports_what_there_is(make_result, tmp_path):
@@ -185,7 +185,7 @@ def test_result_without_a_path_exports_what_there_is(make_result, tmp_path):
     picture = gather_picture(result)
     for name in ("a.glb", "a.json", "a.npz"):
         export_picture(picture, tmp_path / name, result)
-    assert json.loads((tmp_path / "a.json").read_text())["points"] == []
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["points"] == []
 
 
 def test_a_scenario_has_a_picture_and_no_trajectory(picture, tmp_path):

@@ -13,7 +13,7 @@ from tdcr_planner.report.results import RESULT_FILES, read_result, write_result
 
 
 def _rewrite(file, change):
-    content = json.loads(file.read_text())
+    content = json.loads(file.read_text(encoding="utf-8"))
     change(content)
     file.write_text(json.dumps(content))
 
@@ -36,7 +36,7 @@ def test_all_files_are_written_with_real_pictures(make_result, tmp_path):
     file = write_result(make_result(), tmp_path / "new" / "out")
     assert sorted(item.name for item in file.parent.iterdir()) == sorted(RESULT_FILES)
     assert (file.parent / "path.png").read_bytes().startswith(b"\x89PNG")
-    assert "</html>" in (file.parent / "path.html").read_text()[-20:]
+    assert "</html>" in (file.parent / "path.html").read_text(encoding="utf-8")[-20:]
 
 
 @pytest.mark.parametrize("robot", ["paper", "two_segment"])
@@ -68,19 +68,19 @@ def test_round_trip_keeps_changed_planner_settings(make_result, tmp_path, quick_
 
 def test_result_without_a_path(make_result, tmp_path, quick_pictures):
     file = write_result(make_result(found=False), tmp_path / "out")
-    content = json.loads(file.read_text())
+    content = json.loads(file.read_text(encoding="utf-8"))
     assert content["path"] is None
     assert content["verification"] is None
     again = read_result(file)
     assert again.status is PlanStatus.NO_PATH
     assert again.path is None
     assert again.verification is None
-    assert len((file.parent / "trajectory.csv").read_text().splitlines()) == 1
+    assert len((file.parent / "trajectory.csv").read_text(encoding="utf-8").splitlines()) == 1
 
 
 def test_keys_of_the_contract(written):
     _, file = written
-    content = json.loads(file.read_text())
+    content = json.loads(file.read_text(encoding="utf-8"))
     assert content["format"] == "tdcr-result/1"
     assert content["status"] == "verified"
     assert content["scenario"] == "../scene/scenario_pipe.toml"
@@ -97,7 +97,7 @@ def test_keys_of_the_contract(written):
 
 def test_json_holds_null_and_never_nan(written):
     result, file = written
-    text = file.read_text()
+    text = file.read_text(encoding="utf-8")
     content = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in JSON"))
     assert content["verification"]["deviation_m"][3] is None
     assert content["verification"]["worst"]["deviation_m"] == 0.001
@@ -223,7 +223,7 @@ def test_a_truncated_file_is_refused(written, part):
 def test_a_changed_scenario_is_refused(written):
     result, file = written
     scenario = result.scenario.path
-    scenario.write_text(scenario.read_text().replace("0.15]", "0.16]"))
+    scenario.write_text(scenario.read_text(encoding="utf-8").replace("0.15]", "0.16]"))
     with pytest.raises(FormatError, match="has changed since") as caught:
         read_result(file)
     assert caught.value.place == "scenario_sha256"

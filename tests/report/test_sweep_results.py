@@ -80,7 +80,7 @@ def test_results_do_not_depend_on_times(outcome, tmp_path):
 
 
 def test_summary_says_what_is_missing_and_failed(outcome, tmp_path):
-    summary = json.loads(write_sweep(outcome, tmp_path / "out").read_text())
+    summary = json.loads(write_sweep(outcome, tmp_path / "out").read_text(encoding="utf-8"))
     assert summary["format"] == "tdcr-sweep-summary/1"
     assert summary["complete"]
     assert [item["message"] for item in summary["failed"]] == ["ValueError: no"]
@@ -90,17 +90,17 @@ def test_summary_says_what_is_missing_and_failed(outcome, tmp_path):
     assert rrt["statuses"] == {"failed": 1, "unverified": 1, "verified": 1}
     del outcome.records[5]
     part = SweepOutcome(outcome.suite, outcome.records, 0, "interrupted")
-    summary = json.loads(write_sweep(part, tmp_path / "out").read_text())
+    summary = json.loads(write_sweep(part, tmp_path / "out").read_text(encoding="utf-8"))
     assert not summary["complete"]
     assert summary["finished"] == 5
-    assert "5 of 6 jobs (incomplete: interrupted)" in (tmp_path / "out" / "summary.md").read_text()
+    assert "5 of 6 jobs (incomplete: interrupted)" in (tmp_path / "out" / "summary.md").read_text(encoding="utf-8")
 
 
 def test_every_row_of_the_summary_adds_up_to_its_jobs(outcome, tmp_path):
     for index, status in enumerate((*PlanStatus, "failed")):
         outcome.records[index] = {"status": status, "result": {}, "timing": {"message": ""}}
     write_sweep(outcome, tmp_path / "out")
-    lines = (tmp_path / "out" / "summary.md").read_text().splitlines()
+    lines = (tmp_path / "out" / "summary.md").read_text(encoding="utf-8").splitlines()
     table = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
     rows = [dict(zip(table[0], cells, strict=True)) for cells in table[2:4]]
     endings = ("verified", "unverified", "no path", "invalid", "failed")
@@ -120,7 +120,9 @@ def test_plots_are_written_and_not_empty(outcome, tmp_path):
 
 
 def test_a_sweep_of_which_nothing_finished_still_has_a_report(suite, tmp_path):
-    summary = json.loads(write_sweep(SweepOutcome(suite, {}, 0, "interrupted"), tmp_path / "out").read_text())
+    summary = json.loads(
+        write_sweep(SweepOutcome(suite, {}, 0, "interrupted"), tmp_path / "out").read_text(encoding="utf-8")
+    )
     assert summary["finished"] == 0
     assert read(tmp_path / "out" / "results.csv") == []
 

@@ -29,7 +29,7 @@ def test_view_of_a_result_opens_the_page_beside_it(make_result, tmp_path, opened
     assert view(file) == 0
     assert opened == [file.with_name("path.html").as_uri()]
     assert capsys.readouterr().out.strip() == str(file.with_name("path.html"))
-    assert "Plotly" in file.with_name("path.html").read_text()
+    assert "Plotly" in file.with_name("path.html").read_text(encoding="utf-8")
 
 
 def test_view_of_a_scenario_writes_where_it_is_told(make_scenario, tmp_path, opened):
@@ -48,7 +48,7 @@ def test_view_of_a_scenario_says_that_the_start_is_valid(make_scenario, tmp_path
     # straight along the axis of a pipe of 48 sides and 14 mm radius
     widest = 1e3 * scenario.robot.disk_radii.max()
     assert start == f"start: valid, clearance {14.0 * np.cos(np.pi / 48) - widest:.1f} mm"
-    assert start in page.read_text()
+    assert start in page.read_text(encoding="utf-8")
 
 
 def test_view_of_a_scenario_names_and_marks_what_the_start_touches(make_scenario, tmp_path, capsys):
@@ -76,7 +76,7 @@ def test_view_shows_a_scene_whose_start_cannot_be_checked(make_scenario, tmp_pat
     monkeypatch.setattr("tdcr_planner.query.session.PlanningSession", refuse)
     assert view(make_scenario("paper").path, out=tmp_path / "look.html", open_browser=False) == 0
     assert "start: not checked" in capsys.readouterr().out
-    assert "no model for these loads" in (tmp_path / "look.html").read_text()
+    assert "no model for these loads" in (tmp_path / "look.html").read_text(encoding="utf-8")
 
 
 def test_view_of_a_scenario_writes_into_the_current_folder(make_scenario, tmp_path, monkeypatch, opened):

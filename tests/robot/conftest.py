@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.fixture
 def table() -> Callable[[str], Table]:
     """Returns a shipped robot's table, to be changed."""
-    return lambda name: tomllib.loads((ROOT / f"models/robots/{name}.toml").read_text())
+    return lambda name: tomllib.loads((ROOT / f"models/robots/{name}.toml").read_text(encoding="utf-8"))
 
 
 @pytest.fixture

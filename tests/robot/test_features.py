@@ -79,5 +79,5 @@ def test_what_version_1_can_say_has_no_features(plain, read, any_robot):
 
 def test_planning_refuses_a_robot_beyond_version_1_before_it_loads_anything(make_scenario, table, read):
     scenario = make_scenario("paper")
-    with pytest.raises(InputError, match="a robot that the planner knows .* got converging tendons, helical tendons"):
+    with pytest.raises(InputError, match="a robot that validity = .* knows .* got converging tendons, helical tendons"):
         PlanningSession(replace(scenario, robot=read(table("helical"))))

@@ -17,7 +17,7 @@ from tdcr_planner.robot import Backbone, RobotSpec, load_robot
 
 
 def robot_table(root: Path, name: str = "paper") -> dict[str, Any]:
-    return tomllib.loads((root / f"models/robots/{name}.toml").read_text())
+    return tomllib.loads((root / f"models/robots/{name}.toml").read_text(encoding="utf-8"))
 
 
 def test_shipped_robots_have_the_stated_layout(paper_robot: RobotSpec, two_segment_robot: RobotSpec) -> None:

@@ -16,7 +16,7 @@ def test_a_written_robot_is_the_same_robot(root, tmp_path, name):
     path = tmp_path / "robot.toml"
     write_robot(robot, path, "Calibrated from a file.\n\nThree lines.")
     assert load_robot(path) == robot
-    assert path.read_text().startswith("# Calibrated from a file.\n#\n# Three lines.\nformat = ")
+    assert path.read_text(encoding="utf-8").startswith("# Calibrated from a file.\n#\n# Three lines.\nformat = ")
 
 
 def test_points_names_and_tapers_survive(plain, read, tmp_path):

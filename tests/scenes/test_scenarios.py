@@ -21,7 +21,7 @@ FLAT = [name for name in NAMES if name.split("/")[0] in ROLES]
 
 @pytest.mark.parametrize("name", NAMES)
 def test_says_what_it_asks(name):
-    assert (SCENES / name).read_text().startswith("# ")
+    assert (SCENES / name).read_text(encoding="utf-8").startswith("# ")
     assert load_scenario(SCENES / name).file.title
 
 
@@ -100,5 +100,5 @@ def test_suite_holds_every_feasible_scenario_in_three_difficulties():
 
 def test_suite_and_scenarios_agree_on_the_difficulty():
     for entry in load_suite(SCENES / "benchmark.toml").file.scenarios:
-        first = (SCENES / entry.file).read_text().splitlines()[0]
+        first = (SCENES / entry.file).read_text(encoding="utf-8").splitlines()[0]
         assert first.lower().startswith(f"# {entry.difficulty}:"), entry.file

@@ -320,7 +320,7 @@ def test_shipped_files_belong_together(name):
     assert stated.model_dump() == load_train_settings(folder / "train.toml").model_dump()
     assert (folder / "model.pt").stat().st_size < 5_000_000
     command = f"tdcr train models/robots/{name}.toml --config models/shape/{name}/train.toml"
-    assert command in (folder / "README.md").read_text()
+    assert command in (folder / "README.md").read_text(encoding="utf-8")
 
 
 def test_card_describes_itself(model):

@@ -26,7 +26,7 @@ def write_suite(make_scenario, tmp_path):
 
     def write(**changes) -> Path:
         first = make_scenario().path
-        (tmp_path / "second.toml").write_text(first.read_text() + "\n# another file, another hash\n")
+        (tmp_path / "second.toml").write_text(first.read_text(encoding="utf-8") + "\n# another file, another hash\n")
         table = {
             "format": '"tdcr-suite/1"',
             "scenarios": '[{file = "scenario.toml", difficulty = "hard"}, {file = "second.toml", difficulty = "easy"}]',

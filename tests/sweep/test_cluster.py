@@ -37,9 +37,9 @@ def test_two_workers_one_killed_midway(dask_cluster, write_suite, fake_jobs, tmp
     assert not outcome.failed
     assert dask_cluster.workers[0].wait() == -9
     assert told == list(range(25))
-    lines = (tmp_path / "out" / "jobs.jsonl").read_text().splitlines()
+    lines = (tmp_path / "out" / "jobs.jsonl").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 1 + 24
-    runs = [int(line) for line in (tmp_path / "runs.txt").read_text().split()]
+    runs = [int(line) for line in (tmp_path / "runs.txt").read_text(encoding="utf-8").split()]
     assert set(runs) == set(range(24))
     # What had not come back from the killed worker is run again; what was recorded before is not.
     recorded_before = [json.loads(line)["job"] for line in lines[1:9]]

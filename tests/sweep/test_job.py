@@ -36,7 +36,7 @@ def test_another_planner_than_the_scenarios_gets_none_of_its_parameters(make_sce
 
 def test_refuses_a_scenario_that_has_changed(jobs):
     path = Path(jobs[0].path)
-    path.write_text(path.read_text() + "# a change\n")
+    path.write_text(path.read_text(encoding="utf-8") + "# a change\n")
     with pytest.raises(FormatError, match="has changed"):
         run_planning_job(jobs[0])
 

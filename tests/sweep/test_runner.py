@@ -21,7 +21,7 @@ def test_runs_every_job_once_whichever_the_workers(suite, fake_jobs, tmp_path):
         tables.append(result_rows(outcome))
     assert tables[0] == tables[1]
     assert [row["job"] for row in tables[0]] == [0, 1, 2, 3, 4, 5]
-    runs = (tmp_path / "runs.txt").read_text().split()
+    runs = (tmp_path / "runs.txt").read_text(encoding="utf-8").split()
     assert sorted(runs) == sorted("001122334455")
 
 
@@ -30,7 +30,7 @@ def test_a_finished_sweep_is_not_run_again(suite, fake_jobs, tmp_path):
     again = run_sweep(suite, tmp_path / "out", local_backend(1), function=fake_jobs.log_run)
     assert again.complete
     assert again.resumed == 6
-    assert len((tmp_path / "runs.txt").read_text().split()) == 6
+    assert len((tmp_path / "runs.txt").read_text(encoding="utf-8").split()) == 6
 
 
 def test_failing_and_crashing_jobs_are_recorded_and_end_nothing(suite, fake_jobs, tmp_path):

@@ -68,13 +68,15 @@ def test_hash_follows_what_decides_the_results(write_suite, tmp_path):
 
 def test_hash_follows_the_robots_body(write_suite, tmp_path, root):
     path, robot = write_suite(), tmp_path / "robot.toml"
-    robot.write_text((root / "models/robots/paper.toml").read_text())
+    robot.write_text((root / "models/robots/paper.toml").read_text(encoding="utf-8"))
     for name in ("scenario.toml", "second.toml"):
         scenario = tmp_path / name
-        scenario.write_text(scenario.read_text().replace(str(root / "models/robots/paper.toml"), "robot.toml"))
+        scenario.write_text(
+            scenario.read_text(encoding="utf-8").replace(str(root / "models/robots/paper.toml"), "robot.toml")
+        )
     original = load_suite(path).sha256
-    wider = robot.read_text().replace("disk_radius_m = 0.010", "disk_radius_m = 0.011")
-    assert wider != robot.read_text()
+    wider = robot.read_text(encoding="utf-8").replace("disk_radius_m = 0.010", "disk_radius_m = 0.011")
+    assert wider != robot.read_text(encoding="utf-8")
     robot.write_text(wider)
     assert load_suite(path).sha256 != original
 

@@ -239,7 +239,7 @@ def test_buffers_lie_beside_the_file(writers, tmp_path, box, uri):
     folder.mkdir()
     (folder / "link.bin").symlink_to(tmp_path / "box.bin")
     path = writers.write(folder / "mesh.gltf", "gltf", *box)
-    document = json.loads(path.read_text())
+    document = json.loads(path.read_text(encoding="utf-8"))
     document["buffers"][0]["uri"] = uri
     path.write_text(json.dumps(document))
     for call in (read_mesh_file, mesh_sha256):
